@@ -39,9 +39,3 @@ def test_force_starts_and_ends_at_nothing_and_tilt_runs_from_minus_20_to_plus_40
     assert force_share(TIME).min() == 0.0
     np.testing.assert_allclose(np.degrees(tilt_rad(np.array([0.0, DURATION_S]))), [-20.04, 40.1], atol=0.1)
     assert np.all(np.diff(tilt_rad(TIME)) > 0.0)
-
-
-@pytest.mark.parametrize("time", [-0.01, 0.61, np.nan])
-def test_outside_600_ms_there_is_no_profile(time):
-    with pytest.raises(ValueError, match="defined"):
-        force_share(np.array([time]))

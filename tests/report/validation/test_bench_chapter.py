@@ -23,10 +23,10 @@ CURVES = load_bench_curves(embedded_bench())
 
 
 def saved(bench):
-    """Table and arrays after a round trip through JSON, NaN as None and lists for arrays."""
+    """The table after a round trip through JSON, NaN as None, and the arrays."""
     section = bench_section(dataclasses.replace(embedded_study(), bench=bench))
     table = json.loads(json.dumps(section.table, allow_nan=False))
-    return table, {name: array.tolist() for name, array in section.arrays.items()}
+    return table, section.arrays
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import isotonic_regression
@@ -137,7 +137,8 @@ def statistics(rows: Sequence[Row], line: str) -> Row | None:
         "stiffness_rmse_n_per_mm": k["rmse"], "stiffness_bias_n_per_mm": k["bias"],
         "stiffness_bias_half_width_n_per_mm": k["bias_half_width"], "mid_range_rmse_mm": mid["rmse"],
         "mid_range_bias_mm": mid["bias"], "mid_range_bias_half_width_mm": mid["bias_half_width"],
-        **{key: rmse([own[key] for own, _ in pairs], 0.0) for key in ("curve_rmse_mm", "curve_rmse_n")}}
+        **{key: float(np.sqrt(np.mean([own[key] ** 2 for own, _ in pairs])))
+           for key in ("curve_rmse_mm", "curve_rmse_n")}}
 
 
 def curve_arrays(settings: Sequence[Setting], by_line: dict[str, list[Curve | None]]) -> dict[str, np.ndarray]:
@@ -161,26 +162,24 @@ def curve_arrays(settings: Sequence[Setting], by_line: dict[str, list[Curve | No
 # The simulated testing machine as the validation uses it: pass by pass, in mm and N, loading or there and back.
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Loop:
+class Loop(NamedTuple):
     """The platen up to a load and down again at one speed."""
 
-    up_mm: np.ndarray  # (n,) loading, from (0, 0)
-    up_n: np.ndarray
-    down_mm: np.ndarray  # (m + 1,) unloading, from the loading's end: the displacement falls
-    down_n: np.ndarray
+    mm: np.ndarray  # (n,) from (0, 0)
+    n: np.ndarray
+    top: int  # the instant at which it turns
     loading_s: float
     unconverged_steps: int  # accepted without convergence; the energies are then doubtful
 
     @property
     def stored_j(self) -> float:
         """Work of the platen on the foot while it loads."""
-        return 1e-3 * float(np.trapezoid(self.up_n, self.up_mm))
+        return 1e-3 * float(np.trapezoid(self.n[: self.top + 1], self.mm[: self.top + 1]))
 
     @property
     def lost_j(self) -> float:
         """What of it the foot does not give back while it unloads."""
-        return self.stored_j + 1e-3 * float(np.trapezoid(self.down_n, self.down_mm))
+        return 1e-3 * float(np.trapezoid(self.n, self.mm))
 
 
 class Machine:
@@ -217,8 +216,7 @@ class Machine:
             platen_m=np.concatenate((way, way[-2::-1])))
         x, load = np.append(0.0, 1e3 * setting.platen_m), np.append(0.0, setting.load_n)
         load[steps] = 2.0 * load[steps - 1] - load[steps - 2]
-        return Loop(up_mm=x[: steps + 1], up_n=load[: steps + 1], down_mm=x[steps:], down_n=load[steps:],
-                    loading_s=top / speed_m_per_s, unconverged_steps=setting.unconverged_steps)
+        return Loop(x, load, steps, top / speed_m_per_s, setting.unconverged_steps)
 
     def _bench(self, fulcrum_m: float | None) -> tuple[Bench, float]:
         """The bench of forefoot or heel, and where the carriage stands in it (m)."""
@@ -233,7 +231,6 @@ class Machine:
 # McGeehan 2021 (doi 10.1115/1.4050456) takes the first 200 N for the foam and the rest for the keel: measured curves
 # were most linear at 66 and 87 mm and curvilinear from 108 mm on. Here that becomes numbers. Pure functions of arrays;
 # units are the caller's.
-
 
 TOE_N = 50.0
 """Load up to which the first slope is taken."""

@@ -73,11 +73,11 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section:
                   forefoot=any(s.passes for s in settings[:-1]), heel=settings[-1].passes,
                   repeated=any(len(s.passes) > 1 for s in settings))
     outside = set()
-    for setting in settings[:-1]:
+    for x in (setting.fulcrum_m for setting in settings if setting.fulcrum_m is not None):
         try:
-            check_fulcrum(setting.fulcrum_m, foot)
+            check_fulcrum(x, foot)
         except InputError as error:
-            outside.add(setting.fulcrum_m)
+            outside.add(x)
             missing.append(f"Not simulated: {error.what}. {error.right}.")
     lines, unfound = _lines(study, settings, show)
     missing += unfound
@@ -192,7 +192,6 @@ def _press(
 # of the foam between load and keel, and minimise the difference of displacement at equal loads, each curve in parts of
 # its own largest displacement. The keel's modulus stays the material's.
 
-
 SAMPLES = 20
 """Loads a curve, evenly up to its largest."""
 MIDDLE_N = 300.0
@@ -237,7 +236,6 @@ def calibrated(
 
 # What the paper's bench did not do: other speeds, the way back with its energy, other points of the load.
 
-
 SPEEDS_MM_PER_MIN = (5.0, 50.0, 500.0, 5000.0)
 LOAD_POINT_SHIFTS_M = (-0.020, -0.010, 0.0, 0.010)
 """Of the load point from the model's own: 179, 189, 199 and 209 mm from A for the published foot."""
@@ -266,25 +264,25 @@ def rates(
             loop, coarse = (machine.loop(fulcrum, LOAD_N, 1e-3 * speed / 60.0, steps_per_mm=share * STEPS_PER_MM)
                             for share in (1.0, 0.5))
             # at high speed the keel rings at first touch
-            x, load = rising(loop.up_mm, loop.up_n)
+            x, load = rising(loop.mm[: loop.top + 1], loop.n[: loop.top + 1])
             k = 1e-3 * stiffness(1e-3 * x, load, where=where)
         except (InputError, SimulationError) as error:
             missing.append(f"Loading and unloading at {speed:g} mm/min, {where}: {error}.")
             continue
-        stored, top = loop.stored_j, float(loop.up_n[-1])
+        stored, top = loop.stored_j, float(loop.n[loop.top])
         lost = 2.0 * loop.lost_j - coarse.lost_j
         rows.append({
             "fulcrum_mm": None if fulcrum is None else round(1e3 * fulcrum, 6), "speed_mm_per_min": speed,
-            "stiffness_n_per_mm": k, "max_load_n": top, "max_displacement_mm": float(loop.up_mm[-1]),
+            "stiffness_n_per_mm": k, "max_load_n": top, "max_displacement_mm": float(loop.mm[loop.top]),
             "loading_s": loop.loading_s, "stored_j": stored, "returned_j": stored - lost, "lost_j": lost,
             "lost_step_error_j": abs(loop.lost_j - coarse.lost_j), "return_ratio": 1.0 - lost / stored,
             "linear_spring_j": 1e-3 * top**2 / (2.0 * k),
             "unconverged_steps": loop.unconverged_steps + coarse.unconverged_steps})
         if speed == max(speeds_mm_per_min):
-            up = np.linspace(0.0, loop.up_mm[-1], LOOP_SAMPLES)
+            up, steps = np.linspace(0.0, loop.mm[loop.top], LOOP_SAMPLES), loop.top + 1
             loops["loop_mm"][i] = up, up[::-1]
-            loops["loop_n"][i] = (np.interp(up, loop.up_mm, loop.up_n),
-                                  np.interp(up[::-1], loop.down_mm[::-1], loop.down_n[::-1]))
+            loops["loop_n"][i] = (np.interp(up, loop.mm[:steps], loop.n[:steps]),
+                                  np.interp(up, loop.mm[: loop.top - 1 : -1], loop.n[: loop.top - 1 : -1])[::-1])
         if progress:
             progress(j / len(cases))
     return rows, loops, missing
@@ -341,7 +339,6 @@ def small_load_stiffness(foot: FootParameters, fulcrum_m: float, *, chain: bool 
 
 
 # Standing: the mass that the ground carries against the mass that is known, at every fulcrum position walked on.
-
 
 DURATION_S, QUICK_DURATION_S = 10.0, 2.0
 PAPER_MASS_ERROR = -0.026

@@ -160,7 +160,6 @@ def distal_power(reaction: FootReaction, twist: np.ndarray) -> np.ndarray:
 # until the vertical force on the prosthetic foot is that of the walk at the trial's own position; everything else of
 # the motion stays. The course is found by Newton's method instant by instant, with how the force depends on the height.
 
-
 _HEIGHT = "pelvis_ty"
 _MOST_WALKS = 8
 _CLOSE_ENOUGH = 0.002
@@ -237,7 +236,6 @@ def walk_with_same_load(
 # `released` is gone again at toe-off; `returned` is what of that the foot gave back: released without what keel, foam,
 # support and friction lost on the way. The return ratio is returned over stored. The efficiency is returned over what
 # was put into the foot up to the largest strain, stored and lost.
-
 
 PERCENT = np.linspace(0.0, 100.0, 201)
 """Of stance, where curves are given; powers are means between neighbours."""

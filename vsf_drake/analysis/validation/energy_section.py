@@ -124,9 +124,9 @@ def _result_remainder(study: Study, rows: Sequence[Row]) -> float | None:
     found = []
     for walk in study.walks:
         result = walk.result
-        remainder = dict(zip(result.energy_names, result.energy_j.T, strict=True)).get("remainder")
-        for row in rows if remainder is not None else ():
-            inside = remainder[(result.time_s >= row["start_s"]) & (result.time_s <= row["end_s"])]
+        ledger = dict(zip(result.energy_names, result.energy_j.T, strict=True))
+        for row in rows if "remainder" in ledger else ():
+            inside = ledger["remainder"][(result.time_s >= row["start_s"]) & (result.time_s <= row["end_s"])]
             if row["label"] == walk.label and row["stored_j"] > 0.0 and inside.size:
                 found.append(float(np.abs(inside - inside[0]).max()) / row["stored_j"])
     return max(found, default=None)

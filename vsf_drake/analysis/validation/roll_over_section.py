@@ -104,7 +104,6 @@ def _condition(fulcrum_mm: float, rows: Sequence[Row]) -> Row:
 # pylon along its own axis gives the same energy, its displacement divided and its force multiplied by the angle's
 # cosine.
 
-
 ANGLES_DEG = (-15.0, 20.0)
 LARGEST_LOAD_N = 600.0
 CURVE_POINTS = 201
@@ -160,7 +159,6 @@ def _inclined_loading(
 # the standard's text. Force is a share of the first peak's, F_1cmax. Tilt below zero lowers the platform's front:
 # heel loading.
 
-
 DURATION_S = 0.6
 _FORCE = 1e-6 * np.array([
     5.12306842296552e-9, -9.2037374110419e-6, 5.98882225167948e-3, -1.67101914899229, 164.651497111425,
@@ -169,20 +167,13 @@ _TILT_DEG = 1e-3 * np.array([2.45074e-9, -3.75984e-6, 1.77519e-3, -0.108409, 20.
 
 
 def force_share(time_s: np.ndarray) -> np.ndarray:
-    """(n,) F / F_1cmax at the times (n,) s; never below zero."""
-    return np.maximum(np.polyval(_FORCE, _milliseconds(time_s)), 0.0)
+    """(n,) F / F_1cmax at the times (n,) s from 0 to DURATION_S; never below zero."""
+    return np.maximum(np.polyval(_FORCE, 1e3 * time_s), 0.0)
 
 
 def tilt_rad(time_s: np.ndarray) -> np.ndarray:
-    """(n,) tilt of the platform (rad) at the times (n,) s, negative with its front down."""
-    return np.asarray(np.radians(np.polyval(_TILT_DEG, _milliseconds(time_s))))
-
-
-def _milliseconds(time_s: np.ndarray) -> np.ndarray:
-    time = np.asarray(time_s, dtype=float)
-    if not np.all((time >= -1e-12) & (time <= DURATION_S + 1e-12)):
-        raise ValueError(f"the profile is defined from 0 to {DURATION_S:g} s only")
-    return 1e3 * time
+    """(n,) tilt of the platform (rad) at the times (n,) s from 0 to DURATION_S, negative with its front down."""
+    return np.asarray(np.radians(np.polyval(_TILT_DEG, 1e3 * time_s)))
 
 
 # The roll-over shape of each walk of a study, from the model's centre of pressure and from the plate's.
@@ -192,12 +183,10 @@ def _milliseconds(time_s: np.ndarray) -> np.ndarray:
 # unloaded; up is along the pylon to the knee, forward the shank's own. What the socket gives under load is thus part of
 # the shape. The pylon's own frame, which moves with the socket, shows what the foot does alone; it needs the model.
 
-
 OPPOSITE_STRIKE, TOE_OFF = "opposite heel strike", "toe-off"
 
 
-@dataclass(frozen=True, eq=False)
-class Frames:
+class Frames(NamedTuple):
     """Poses in W over n instants."""
 
     time_s: np.ndarray
@@ -309,7 +298,6 @@ def _arm(
 # no friction, so that the guide of the line bears what is sideways and the place of the tilt axis has no part in the
 # forces; the pylon cannot turn about a joint at its top; the foot's inertia in the turning frame is left out.
 
-
 SECOND_PEAK_S = 0.4475
 """The shape ends at the second peak of the force: later the load only leaves the toe."""
 ROLL_CURVE_POINTS = 301
@@ -397,7 +385,6 @@ def _iso_row(machine: RollOver, run: RollOverRun, following: Following, fulcrum:
 # The dynamic mean ankle moment arm is "the ratio of sagittal ankle moment impulse to ground reaction force impulse"
 # (abstract of Adamczyk 2020, doi 10.1115/1.4045817); here the impulse of the vertical force is taken.
 
-
 _SPACING_M = 1e-3
 _STRAIGHT = 20.0
 """Radius in lengths of the shape beyond which it counts as straight (a choice)."""
@@ -413,13 +400,9 @@ class Arc(NamedTuple):
 
 
 def fit_arc(points_m: np.ndarray) -> Arc | None:
-    """The circle nearest to points (n, 2), by Gauss-Newton on their distances from Taubin's algebraic fit.
-
-    G. Taubin, IEEE Trans. Pattern Anal. Mach. Intell. 13:1115-1138 (1991). None where the points are too few, or
-    nearly on a line: then a radius means nothing.
-    """
-    points = np.asarray(points_m, dtype=float)
-    points = points[np.isfinite(points).all(axis=1)]
+    """The circle nearest to points (n, 2), by Gauss-Newton on their distances from Taubin's algebraic fit; None where
+    the points are too few, or nearly on a line: then a radius means nothing."""
+    points = points_m[np.isfinite(points_m).all(axis=1)]
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     if len(points) < _FEWEST or size == 0.0:
         return None
@@ -448,22 +431,17 @@ def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) 
     """What describes a roll-over shape, the centre of pressure (n, 2) forward and up in the shank's frame, NaN where
     there is none; `heel_m` is where the rear end of the foot, from which `foot_length_m` counts, is on the forward
     axis. None where it cannot be known."""
-    points = np.asarray(points_m, dtype=float)
-    points = points[np.isfinite(points).all(axis=1)]
+    points = points_m[np.isfinite(points_m).all(axis=1)]
     arc = None
     if len(points) > 1:
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / _SPACING_M) + 1))
         arc = fit_arc(np.column_stack([np.interp(at, along, column) for column in points.T]))
     length = float(points[:, 0].max()) - heel_m if len(points) else None
-    return {
-        "radius_m": arc.radius_m if arc else None,
-        "centre_forward_m": arc.centre_m[0] if arc else None,
-        "centre_up_m": arc.centre_m[1] if arc else None,
-        "arc_rms_m": arc.rms_m if arc else None,
-        "effective_foot_length_m": length,
-        "effective_foot_length_ratio": None if length is None else length / foot_length_m,
-    }
+    (forward, up), radius, off = arc or ((None, None), None, None)
+    return {"radius_m": radius, "centre_forward_m": forward, "centre_up_m": up, "arc_rms_m": off,
+            "effective_foot_length_m": length,
+            "effective_foot_length_ratio": None if length is None else length / foot_length_m}
 
 
 def mean_moment_arm(time_s: np.ndarray, moment_nm: np.ndarray, vertical_n: np.ndarray) -> float | None:
@@ -478,11 +456,12 @@ def mean_moment_arm(time_s: np.ndarray, moment_nm: np.ndarray, vertical_n: np.nd
 
 
 def _taubin(p: np.ndarray) -> np.ndarray | None:
-    """Centre and radius (3,) of the algebraic fit to centred points (n, 2), or None if they are on a line."""
+    """Centre and radius (3,) of the algebraic fit to centred points (n, 2), or None if they are on a line.
+
+    G. Taubin, IEEE Trans. Pattern Anal. Mach. Intell. 13:1115-1138 (1991).
+    """
     squares = np.sum(p**2, axis=1)
     mean = squares.mean()
-    if mean <= 0.0:
-        return None
     design = np.column_stack([(squares - mean) / (2.0 * np.sqrt(mean)), p])
     a = np.linalg.svd(design, full_matrices=False)[2][-1]
     if abs(a[0]) < 1e-9:

@@ -103,7 +103,7 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
     for i, name in enumerate(OUTPUTS):
         own = morris[name]
         by_condition = [morris_rows(screen, screened.values[:, t, i], seed) for t in range(len(walked))]
-        effects = [rows and [row["mu_star"] for row in rows] for rows in by_condition]
+        effects = [None if rows is None else [row["mu_star"] for row in rows] for rows in by_condition]
         groups, singles = (part and sobol_rows(part.design, part.of(i), seed) for part in (grouped, single))
         table["failures"]["dropped"][name] = {what: part and dropped(part.design, part.of(i)) for what, part in (
             ("trajectories", screened), ("group_blocks", grouped), ("factor_blocks", single))}
@@ -125,8 +125,8 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
 
 
 def chosen_walks(study: Study, *, one: bool = False) -> tuple[StudyWalk, ...]:
-    """One walk a condition, or only that of the middle condition: of those held out (of all, where none is) the one
-    nearest to the middle of the repeats."""
+    """One walk a condition, or only the middle condition's: the held-out one (any, where none is) nearest to the middle
+    of the repeats."""
     found = []
     for repeats in study.conditions().values():
         held = [i for i, walk in enumerate(repeats) if walk.role == HELD_OUT] or range(len(repeats))
@@ -146,7 +146,6 @@ def strongest_factors(morris: Mapping[str, Sequence[Mapping[str, Any]] | None]) 
 
 
 # What each factor does about the study's values, by exact derivatives: a second way to the same, without sampling.
-
 
 _LEAST_N = 1.0
 """Below this a resultant's direction, and with it its derivative, means nothing."""
@@ -186,7 +185,6 @@ def local_changes(walks: DesignWalks, factors: Sequence[Factor]) -> np.ndarray:
 
 
 # What is read off the walked designs of the sensitivity study, by output.
-
 
 PERCENTILES = (5, 50, 95)
 

@@ -24,7 +24,7 @@ from vsf_drake.analysis.comparison import (
     walk_axes,
 )
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
-from vsf_drake.analysis.validation.study import KEEP, LIMB_ANGLES, STEP_S, StudyWalk, known, walkers_of
+from vsf_drake.analysis.validation.study import KEEP, LIMB_ANGLES, STEP_S, StudyWalk, known, rms, walkers_of
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
@@ -78,7 +78,7 @@ class WalkScorer:
         stances = find_stances(grid, raw[:, 2], threshold_n=THRESHOLD_N)
         rows = [[model[c.within(item.measured.start_s, item.measured.end_s), 2].max() / self._weight,
                  *_spring(time, energy, item.measured, stances)] for item in c.stances if item.inside]
-        return np.array([error, rmse(off_m, 0.0) / self.result.foot_length_m,
+        return np.array([error, rms(off_m) / self.result.foot_length_m,
                          1e3 * off_m.mean() if off_m.size else np.nan,
                          *(np.mean(rows, axis=0) if rows else np.full(5, np.nan))])
 
@@ -98,8 +98,7 @@ def _spring(
     if own is None or not own.complete:
         return np.nan, np.nan, np.nan, np.nan
     down, off = np.searchsorted(time, [own.start_s, own.end_s])
-    strain = energy["keel_strain"] + energy["fulcrum_strain"]
-    loss = energy["keel_loss"] + energy["fulcrum_loss"]
+    strain, loss = (energy[f"keel_{kind}"] + energy[f"fulcrum_{kind}"] for kind in ("strain", "loss"))
     full = down + int(np.argmax(strain[down : off + 1]))
     stored = strain[full] - strain[down]
     returned = strain[full] - strain[off] - (loss[off] - loss[full])
@@ -160,7 +159,6 @@ class DesignWalks:
 # (the fitted contact, where there is one); ratios multiply them and are sampled in the logarithm. All are sampled
 # evenly. Errors of the pelvis's orientation are not among them: where markers on the thigh are tracked, the hip's
 # angles take them up, and the leg stays where it was.
-
 
 CONTACT, FRICTION, GEOMETRY, KINEMATICS, BUSHING, KEEL = GROUPS = (
     "contact", "friction", "geometry", "kinematics", "bushing", "keel")
@@ -282,7 +280,6 @@ def values_at(
 #
 # Morris 1991 (doi 10.1080/00401706.1991.10484804), mu* of Campolongo 2007 (doi 10.1016/j.envsoft.2006.10.004); Sobol
 # indices by the estimators of Saltelli 2010 (doi 10.1016/j.cpc.2009.09.018); SALib (doi 10.21105/joss.00097).
-
 
 LEVELS = 4
 """Of Morris' grid; a trajectory then steps over two thirds of each range."""

@@ -439,7 +439,6 @@ def _exceeds(effect: float, limit: float) -> bool | None:
 # estimate can err to one side only, which would flatter its spread); and, for every trial, the model's own walk without
 # noise at the middle of the range, which leaves out the error of the model.
 
-
 FINE_MM = 0.5
 
 
@@ -465,7 +464,7 @@ def inverse_table(positions_mm: np.ndarray, walked: Sequence[Walked]) -> dict[st
     bias_rms_mm of the interior ones, model_sd_mm, model_sd_recording_mm of all; NaN for what no trial tells.
     """
     middle = 0.5 * (positions_mm[0] + positions_mm[-1])
-    rows = []
+    rows: list[dict[str, Any]] = []
     for w in walked:
         base, locked = w.base, w.alone["locked"]
         plate = np.interp(w.time_s, base.measured.time_s, base.measured.locked)

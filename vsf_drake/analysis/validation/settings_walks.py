@@ -159,7 +159,6 @@ def _units(walk: StudyWalk) -> dict[str, Any]:
 # Of the keel's strain energy (J), which no plate measures: stored, its maximum in stance less its value at touch-down;
 # returned, that maximum less its value at lift-off and less what the keel's damping takes in between.
 
-
 OUTCOMES: dict[str, tuple[str, str]] = {
     "resultant_first_bw": ("first peak of the resultant", "BW"),
     "resultant_second_bw": ("second peak of the resultant", "BW"),
@@ -251,7 +250,6 @@ def stance_record(
 #
 # Angles of the other leg do not move the prosthetic foot and stay as they are. All draws are independent and normal.
 # Nothing is calibrated away afterwards: a laboratory that fits offsets in each session leaves less.
-
 
 SPLINES = 8
 PELVIS_ANGLES = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")

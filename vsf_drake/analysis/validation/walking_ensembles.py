@@ -6,7 +6,7 @@ mean of its whole stances; a stance that the window cuts is left out.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -43,8 +43,9 @@ QUANTITIES = {
     "free_moment": "N m"}
 """Curves by name, with their unit: forces at 40 Hz; fore-aft forward +, medio-lateral left +; impulse of the resultant
 from heel strike; centre of pressure at 6 Hz, fore-aft, ahead of the plate's rearmost one; free moment up +, 6 Hz."""
-Pair = tuple[np.ndarray, np.ndarray]
-"""(101,) measured and (101,) model's."""
+Curves = dict[str, np.ndarray]
+"""Of one walk by quantity, (2, 101) measured and the model's."""
+Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,62 +57,55 @@ class Ensemble:
     labels: tuple[str, ...]  # of the walks
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """(101,) mean and sample SD of both: `measured_mean`, `measured_sd`, `model_mean`, `model_sd`.
-
-        NaN where not every walk knows it, so that no mean jumps; the SD of a single walk is NaN throughout.
-        """
-        one = np.full(len(PERCENT), np.nan)
-        return {f"{side}_{what}": value for side, curves in (("measured", self.measured), ("model", self.model))
-                for what, value in (("mean", curves.mean(axis=0)),
-                                    ("sd", curves.std(axis=0, ddof=1) if len(curves) > 1 else one))}
-
-
-def walk_curves(walk: StudyWalk) -> dict[str, Pair]:
-    """Curves of a walk by quantity, the mean of its whole stances; without the quantities that were not measured."""
-    whole = [stance for stance in walk.comparison.stances if stance.inside]
-    if not whole:
-        return {}
-    parts = [_stance_curves(walk, stance) for stance in whole]
-    return {name: (np.mean([part[name][0] for part in parts], axis=0),
-                   np.mean([part[name][1] for part in parts], axis=0)) for name in parts[0]}
+        """(101,) mean and sample SD of both: `measured_mean`, `measured_sd`, `model_mean`, `model_sd`; NaN where not
+        every walk knows it, so that no mean jumps. The SD of a single walk is NaN throughout."""
+        found = {}
+        for side, curves in (("measured", self.measured), ("model", self.model)):
+            found[f"{side}_mean"] = curves.mean(axis=0)
+            found[f"{side}_sd"] = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.full(len(PERCENT), np.nan)
+        return found
 
 
-def ensembles(curves: Mapping[str, Mapping[str, Pair]]) -> dict[str, Ensemble]:
+def walk_curves(walk: StudyWalk) -> Curves:
+    """Curves of a walk, the mean of its whole stances; without the quantities that were not measured."""
+    parts = [_stance_curves(walk, stance) for stance in walk.comparison.stances if stance.inside]
+    return {name: np.mean([part[name] for part in parts], axis=0) for name in parts[0]} if parts else {}
+
+
+def ensembles(curves: Mapping[str, Curves]) -> dict[str, Ensemble]:
     """By quantity, over the walks (by label) that have it; without the quantities that none has."""
     found = {}
     for name in QUANTITIES:
-        own = {label: pairs[name] for label, pairs in curves.items() if name in pairs}
+        own = {label: of_walk[name] for label, of_walk in curves.items() if name in of_walk}
         if own:
-            measured, model = (np.array(side) for side in zip(*own.values(), strict=True))
+            measured, model = np.stack([*own.values()], axis=1)
             found[name] = Ensemble(measured, model, tuple(own))
     return found
 
 
-def _stance_curves(walk: StudyWalk, stance: StanceComparison) -> dict[str, Pair]:
+def _stance_curves(walk: StudyWalk, stance: StanceComparison) -> Curves:
     c, result, plate = walk.comparison, walk.result, walk.recorded.prosthetic_plate
     instants = percent_instants(stance.measured)
 
-    def both(of: Sequence[np.ndarray]) -> Pair:
-        return np.interp(instants, c.time_s, of[0]), np.interp(instants, c.time_s, of[1])
+    def both(series: Iterable[np.ndarray]) -> np.ndarray:
+        return np.array([np.interp(instants, c.time_s, one) for one in series])
 
     forces = [force / (result.subject_mass_kg * GRAVITY) for force in (c.measured, c.model)]
     resultants = [np.linalg.norm(force, axis=1) for force in forces]
-    sums = both([cumulative_integral(resultant, c.step_s) for resultant in resultants])
-    found = {"resultant": both(resultants), "impulse": (sums[0] - sums[0][0], sums[1] - sums[1][0])}
+    impulses = both(cumulative_integral(resultant, c.step_s) for resultant in resultants)
+    found = {"resultant": both(resultants), "impulse": impulses - impulses[:, :1]}
     for i, name in ((2, "vertical"), (0, "fore_aft"), (1, "medio_lateral")):
         if name != "medio_lateral" or np.any(plate.force_W[:, 1]):
-            found[name] = both([force[:, i] for force in forces])
-    measured, model = stance.measured_cop[:, 0], stance.model_cop[:, 0]
-    if plate.has_cop and np.isfinite(measured).any():
-        origin = np.nanmin(measured)
-        found["cop"] = (measured - origin) / result.foot_length_m, (model - origin) / result.foot_length_m
+            found[name] = both(force[:, i] for force in forces)
+    cop = np.array([stance.measured_cop[:, 0], stance.model_cop[:, 0]])
+    if plate.has_cop and np.isfinite(cop[0]).any():
+        found["cop"] = (cop - np.nanmin(cop[0])) / result.foot_length_m
     if has_free_moment(plate):
         found["free_moment"] = stance_free_moments(result, plate, stance)
     return found
 
 
 # Numbers over several walks: mean, standard deviation and worst, by condition and by role, and the paper's.
-
 
 SCORED = (
     "grf_rmse_bw", "grf_r2", "impulse_rmse_bws", "impulse_r2", "cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2",
@@ -136,7 +130,7 @@ PUBLISHED: dict[str, Any] = {
 _SAME_SETTING_MM = 1.0
 
 
-def pearson(rows: Sequence[Mapping[str, Any]], a: str, b: str) -> tuple[float | None, int]:
+def pearson(rows: Sequence[Row], a: str, b: str) -> tuple[float | None, int]:
     """Pearson's r of two keys over the rows that know both, with their number; None below LEAST_FOR_R or constant."""
     pairs = np.array([(row[a], row[b]) for row in rows if row[a] is not None and row[b] is not None]).reshape(-1, 2)
     if len(pairs) < LEAST_FOR_R or not np.ptp(pairs, axis=0).all():
@@ -150,12 +144,10 @@ def setting_name(fulcrum_mm: float) -> str | None:
                  if abs(own["fulcrum_mm"] - fulcrum_mm) <= _SAME_SETTING_MM), None)
 
 
-def condition(fulcrum_mm: float, rows: Sequence[Mapping[str, Any]], roles: Sequence[str]) -> dict[str, Any]:
-    """A row of Table 3: all walks at one fulcrum position, the same by role, and the paper's numbers or None.
-
-    Each of `all` and `by_role[role]` (None without such a walk) has `n` and a `spread` for each of SCORED.
-    """
-    def spreads(own: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+def condition(fulcrum_mm: float, rows: Sequence[Row], roles: Sequence[str]) -> dict[str, Any]:
+    """A row of Table 3: all walks at one fulcrum position, the same by role (None without such a walk), each with `n`
+    and a `spread` for each of SCORED, and the paper's numbers or None."""
+    def spreads(own: Sequence[Row]) -> dict[str, Any] | None:
         return {"n": len(own)} | {key: spread(row[key] for row in own) for key in SCORED} if own else None
 
     name = setting_name(fulcrum_mm)
@@ -164,7 +156,7 @@ def condition(fulcrum_mm: float, rows: Sequence[Mapping[str, Any]], roles: Seque
             "paper": PUBLISHED["conditions"][name] if name else None}
 
 
-def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+def summary(rows: Sequence[Row]) -> dict[str, Any] | None:
     """Over walks of one role: `n`, the mean of every key of SCORED under its own name, `_worst` (of largest size) of
     WORST with the walk's label in `_worst_trial`, how many beat the null model, and the correlation of stance times;
     None without a walk."""
@@ -193,43 +185,31 @@ def has_free_moment(plate: PlateRecording) -> bool:
     return bool(plate.has_cop and np.any(plate.free_moment_nm))
 
 
-def stance_free_moments(
-    result: WalkResult, plate: PlateRecording, stance: StanceComparison
-) -> tuple[np.ndarray, np.ndarray]:
-    """(101,) measured and (101,) model's, N m, at 0-100 % of a measured stance; NaN where there is nothing."""
+def stance_free_moments(result: WalkResult, plate: PlateRecording, stance: StanceComparison) -> np.ndarray:
+    """(2, 101) measured and the model's, N m, at 0-100 % of a measured stance; NaN where there is nothing."""
     instants = percent_instants(stance.measured)
-    measured, model = (
-        filtered_while_loaded(moment[:, None], time, force, cop, instants)[:, 0]
-        for time, force, cop, moment in (
-            (plate.time_s, plate.force_W[:, 2], plate.cop_W, plate.free_moment_nm),
-            (result.time_s, result.grf_W[:, 2], result.cop_W, result.free_moment_nm)))
-    model[np.isnan(stance.model_cop[:, 0])] = np.nan
-    return measured, model
+    found = np.array([
+        filtered_while_loaded(of.free_moment_nm[:, None], of.time_s, force[:, 2], of.cop_W, instants)[:, 0]
+        for of, force in ((plate, plate.force_W), (result, result.grf_W))])
+    found[1, np.isnan(stance.model_cop[:, 0])] = np.nan
+    return found
 
 
 def free_moment_scores(result: WalkResult, plate: PlateRecording, comparison: Comparison) -> dict[str, Any]:
-    """Error over all stances: N m, relative to body weight times foot length, R², and the measured extreme.
-
-    All None where the plate has no centre of pressure or no free moment.
-    """
+    """Error over all stances: N m, relative to body weight times foot length, R², and the measured extreme; all None
+    where the plate has no centre of pressure or no free moment."""
     stances = comparison.stances if has_free_moment(plate) else ()
-    pairs = [stance_free_moments(result, plate, stance) for stance in stances]
-    measured, model = (np.concatenate(side) for side in zip(*pairs, strict=True)) if pairs else np.empty((2, 0))
-    both = np.isfinite(measured) & np.isfinite(model)
-    if not both.any():
-        return dict.fromkeys(("free_moment_rmse_nm", "free_moment_rmse_bwfl", "free_moment_r2",
-                              "free_moment_measured_peak_nm"))
-    error = rmse(model[both], measured[both])
-    r2 = r_squared(model[both], measured[both])
-    return {
+    pairs = np.hstack([np.empty((2, 0)), *(stance_free_moments(result, plate, stance) for stance in stances)])
+    measured, model = pairs[:, np.isfinite(pairs).all(axis=0)]
+    error, extreme = rmse(model, measured), max(measured, key=abs, default=np.nan)
+    found: dict[str, Any] = plain({
         "free_moment_rmse_nm": error,
         "free_moment_rmse_bwfl": error / (result.subject_mass_kg * GRAVITY * result.foot_length_m),
-        "free_moment_r2": r2 if np.isfinite(r2) else None,
-        "free_moment_measured_peak_nm": float(measured[both][np.argmax(np.abs(measured[both]))])}
+        "free_moment_r2": r_squared(model, measured), "free_moment_measured_peak_nm": extreme})
+    return found
 
 
 # The fulcrum sweep of the validation: every walk again with the fulcrum moved over its carriage.
-
 
 QUICK_POSITIONS = 6
 """17 mm apart on the nominal foot; the parabola through the three lowest does the rest."""
@@ -238,10 +218,8 @@ QUICK_POSITIONS = 6
 def sweep_study(
     study: Study, *, progress: Progress | None = None, failures: dict[str, list[str]] | None = None
 ) -> dict[str, FulcrumSweep]:
-    """By walk: the resultant's error over the fulcrum's position. What was fitted stays as it was.
-
-    `failures` takes, by walk, why positions have no error; only of walks that have such.
-    """
+    """By walk: the resultant's error over the fulcrum's position, all that was fitted as it was. `failures` takes, by
+    walk, why positions have no error; only of walks that have such."""
     count = QUICK_POSITIONS if study.options.quick else SWEEP_POSITIONS
     positions = {walk.label: sweep_positions(walk.trial, count) for walk in study.walks}
     cases = [WalkCase(trial=walk.trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, label=walk.label)

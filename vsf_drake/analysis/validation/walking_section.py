@@ -52,21 +52,15 @@ ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
 def walking_section(study: Study, *, progress: Progress | None = None) -> Section:
     """Every number of Table 3, per walk and per condition, and curves.
 
-    Table:
-        rows: a walk each, by fulcrum position.
-        conditions: a fulcrum position each (`walking_ensembles.condition`), softest first, with the paper's numbers.
-        held_out, fitted, offsets_fitted: means and worst (`walking_ensembles.summary`) or None.
-        angle_rmse_deg, angle_worst_deg, angle_r2, angle_lag_ms, angle_recording_rmse_deg (`pooled`) and
-            `angles`, a row a rotation.
-        stance_r, stance_n: Pearson's over all walks.
-        sweeps_right, sweeps: how many fulcrum sweeps name the right position, of how many that name one.
-        sweep_failures: by walk, how many positions of its sweep have no error.
-        difference_method, spm1d: what found the regions, and its version; `differences`: one a group and quantity
-            (`differing_regions`), with `group` (index in `conditions`, or "all") and `quantity`.
-        units: of the curves. paper: what is published.
-    Arrays (101 points of the measured stance; G is the index in `conditions` or "all", Q one of QUANTITIES):
-        `walk_I_Q_measured`, `walk_I_Q_model` of row I; `group_G_Q_measured_mean`, `_measured_sd`, `_model_mean`,
-        `_model_sd`, and the arrays of `differing_regions` likewise.
+    Table: `rows`, a walk each; `conditions`, a fulcrum position each, softest first, with the paper's numbers;
+    `held_out`, `fitted`, `offsets_fitted`, means and worst or None; `angle_...` (`pooled`) and `angles`, a row a
+    rotation; `stance_r` and `stance_n`, Pearson's over all walks; `sweeps_right` of `sweeps`, how many fulcrum sweeps
+    name the right position, of how many that name one; `sweep_failures`, by walk, how many positions have no error;
+    `difference_method` and `spm1d`, what found the regions, and its version; `differences`, one a `group` (index in
+    `conditions`, or "all") and `quantity` (`differing_regions`); `units` of the curves; `paper`, what is published.
+    Arrays (101 points of the measured stance; G is a group, Q one of QUANTITIES): `walk_I_Q_measured`,
+    `walk_I_Q_model` of row I; `group_G_Q_measured_mean`, `_measured_sd`, `_model_mean`, `_model_sd`, and those of
+    `differing_regions` likewise.
     """
     show = progress or (lambda what, fraction: None)
     failures: dict[str, list[str]] = {}
@@ -76,8 +70,8 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     rows = [_walk_row(walk, rotations[walk.label], sweeps[walk.label]) for walk in study.walks]
     curves = {walk.label: walk_curves(walk) for walk in study.walks}
     conditions = [condition(x, [row for row in rows if row["fulcrum_mm"] == x], ROLES) for x in study.conditions()]
-    arrays = {f"walk_{i}_{name}_{side}": curve for i, own in enumerate(curves.values()) for name, pair in own.items()
-              for side, curve in zip(("measured", "model"), pair, strict=True)}
+    arrays = {f"walk_{i}_{name}_{side}": curve for i, own in enumerate(curves.values()) for name, both in own.items()
+              for side, curve in zip(("measured", "model"), both, strict=True)}
     groups: dict[int | str, Mapping[str, Ensemble]] = {
         i: ensembles({label: curves[label] for label in own["labels"]}) for i, own in enumerate(conditions)}
     if len(conditions) > 1:
@@ -85,8 +79,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     differences = []
     for i, (group, quantities) in enumerate(groups.items()):
         for name, ensemble in quantities.items():
-            found, more = differing_regions(
-                ensemble, seed=(study.options.seed, i, list(QUANTITIES).index(name)))
+            found, more = differing_regions(ensemble, seed=(study.options.seed, i, list(QUANTITIES).index(name)))
             arrays |= {f"group_{group}_{name}_{key}": value for key, value in (ensemble.arrays() | more).items()}
             differences.append({"group": group, "quantity": name, "unit": QUANTITIES[name], "labels": ensemble.labels}
                                | found)
@@ -123,7 +116,6 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
 
 # One row a walk, and the tracking of angles over all walks.
 
-
 _TAKEN = (
     "grf_rmse_bw", "grf_r2", "impulse_rmse_bws", "impulse_r2", "vertical_impulse_error", "cop_rmse_fl",
     "cop_ml_rmse_fl", "cop_r2", "cop_points", "stance_measured_s", "stance_model_s", "heel_strike_error_s",
@@ -137,8 +129,7 @@ def _walk_row(walk: StudyWalk, rotations: Sequence[Rotation], sweep: FulcrumSwee
     row = {"label": walk.label, "role": walk.role, "fulcrum_mm": walk.fulcrum_mm,
            "setting": setting_name(walk.fulcrum_mm), **{key: walk.metrics[key] for key in _TAKEN}}
     measured, model, null = row["stance_measured_s"], row["stance_model_s"], row["null_model_grf_rmse_bw"]
-    angles = pooled(rotations)
-    del angles["angle_worst_deg"]
+    angles = {key: value for key, value in pooled(rotations).items() if key != "angle_worst_deg"}
     return row | {
         "stances": len(walk.comparison.stances), "whole_stances": sum(s.inside for s in walk.comparison.stances),
         "stance_error_s": None if measured is None or model is None else model - measured,
@@ -148,10 +139,8 @@ def _walk_row(walk: StudyWalk, rotations: Sequence[Rotation], sweep: FulcrumSwee
 
 
 def pooled(rotations: Sequence[Rotation]) -> dict[str, Any]:
-    """Over rotations (of one walk or of several): RMS error, R² with each about its own mean, largest error and lag.
-
-    None for what no rotation knows. `angle_recording_rmse_deg` is against the recording, before a fit corrected it.
-    """
+    """Over rotations (of one walk or of several): RMS error, R² with each about its own mean, largest error and lag;
+    `angle_recording_rmse_deg` is against the recording, before a fit corrected it."""
     weights = np.array([r.squares for r in rotations]).reshape(-1, 2).sum(axis=0)
     return {"angle_rmse_deg": rms(r.rmse_deg for r in rotations),
             "angle_worst_deg": max((r.rmse_deg for r in rotations), default=None),
@@ -176,7 +165,6 @@ def _largest_lag(rotations: Sequence[Rotation]) -> float | None:
 
 
 # How well the joints follow what they were told: error, R² and phase lag of every prescribed rotation.
-
 
 LARGEST_LAG_S = 0.05
 """Lags are looked for up to this much early or late."""
@@ -256,7 +244,6 @@ def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray) -> floa
 # for the whole curve. Without it: where the percentile bootstrap band of the mean difference, over walks, leaves out
 # zero, point by point, uncorrected for how many points there are. Neither corrects for how many curves are tested, and
 # no region is no proof of agreement: few walks leave large differences undetected.
-
 
 SPM, BOOTSTRAP = "statistical parametric mapping", "pointwise bootstrap"
 ALPHA = 0.05

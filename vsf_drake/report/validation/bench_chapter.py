@@ -56,7 +56,7 @@ def bench_chapter(table: Row, arrays: Arrays) -> Chapter:
         "worst": max((row for row in forefoot if value(row, "model", "mid_range_offset_mm") is not None),
                      key=lambda row: abs(row["model"]["mid_range_offset_mm"]), default=None),
         "comparison_rows": [*compared, {"of": "paper, its model on its bench", "n": 5, **table["limits"]}],
-        "setting_rows": _setting_rows(table), "setting_columns": _setting_columns(table),
+        "setting_rows": _setting_rows(table),
         "shape_rows": [{"setting": position(row["fulcrum_mm"]), "of": name, **row[key]["shape"]}
                        for row in table["settings"] for key, name in names.items() if value(row, key, "shape")],
         "chord_shares": [(name, shares) for key, name in (
@@ -79,23 +79,6 @@ def bench_chapter(table: Row, arrays: Arrays) -> Chapter:
         figures["bench_load_point"] = _load_point_figure(points)
     return Chapter(name="bench", title="Bench", template="validation/bench.html.j2", facts={**table, **facts},
                    figures=figures)
-
-
-def _setting_columns(table: Row) -> list[tuple[str, ...]]:
-    columns: list[tuple[str, ...]] = [("setting", "fulcrum"), ("max_load_n", "up to (N)", "{:.0f}"),
-                                      ("published_n_per_mm", "published stiffness (N/mm)", "{:.1f}")]
-    if table["measured"]:
-        columns += [("repeats", "passes", "{:.0f}"), ("measured_n_per_mm", "measured stiffness (N/mm)", "{:.2f}"),
-                    ("measured_half_width_n_per_mm", "± 95 % (N/mm)", "{:.2f}"),
-                    ("measured_mid_range_mm", "measured mid-range displacement (mm)", "{:.2f}"),
-                    ("measured_mid_range_half_width_mm", "± 95 % (mm)", "{:.2f}")]
-    for line in table["lines"]:
-        key, name = line["key"], line["name"]
-        columns.append((f"{key}_n_per_mm", f"{name}: stiffness (N/mm)", "{:.2f}"))
-        columns += [(f"{key}_offset_mm", f"{name}: offset Δ_D (mm)", "{:+.2f}"),
-                    (f"{key}_curve_rmse_mm", f"{name}: curve RMSE (mm)", "{:.2f}")] if table["measured"] else [
-                        (f"{key}_mid_range_mm", f"{name}: mid-range displacement (mm)", "{:.2f}")]
-    return columns
 
 
 def _setting_rows(table: Row) -> list[dict[str, Any]]:

@@ -4,26 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from vsf_drake.report.page import Chapter, absent_chapter, made_chapter
-from vsf_drake.report.style import MEASURED, NEUTRAL, condition_colour, condition_label, drawing, label
+from vsf_drake.report.style import MEASURED, NEUTRAL, drawing, label
 from vsf_drake.report.validation.bench_chapter import bench_chapter
 from vsf_drake.report.validation.energy_chapter import energy_chapter
+from vsf_drake.report.validation.figures import Arrays, Row, colour_of, name_of
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity_chapter import sensitivity_chapter
 from vsf_drake.report.validation.settings_chapter import settings_chapter
 from vsf_drake.report.validation.walking_chapter import exact_chapter, walking_chapter
 
-Row = Mapping[str, Any]
 _LEAST_TOLD = 1e-4
 """Share of the mass below which an error has no number in a sentence."""
 
 
-def standing_chapter(table: Row, arrays: Mapping[str, np.ndarray]) -> Chapter:
+def standing_chapter(table: Row, arrays: Arrays) -> Chapter:
     """Mass predicted against mass known, per fulcrum position."""
     shown = []
     for row in table["rows"]:
@@ -41,7 +40,7 @@ _SETTLED_S = 1.0
 """What is drawn of the force: later there is nothing to see."""
 
 
-def _standing_figure(table: Row, arrays: Mapping[str, np.ndarray]) -> Figure:
+def _standing_figure(table: Row, arrays: Arrays) -> Figure:
     """Left, the force on both feet against the weight until it has settled; right, the mean force on each foot."""
     rows = [(i, row) for i, row in enumerate(table["rows"]) if row["failure"] is None]
     with drawing(10.5, 3.9) as figure:
@@ -49,21 +48,18 @@ def _standing_figure(table: Row, arrays: Mapping[str, np.ndarray]) -> Figure:
         weight = rows[0][1]["weight_n"]
         left.axhline(weight, color=NEUTRAL, label=f"weight, {weight:.1f} N", **MEASURED)
         for k, (i, row) in enumerate(rows):
-            time = np.asarray(arrays[f"standing_{i}_time_s"])
-            both = np.asarray(arrays[f"standing_{i}_prosthetic_n"]) + np.asarray(arrays[f"standing_{i}_intact_n"])
-            left.plot(time, both, color=condition_colour(1e-3 * row["fulcrum_mm"]), linewidth=1.4,
+            time, *feet = (arrays[f"standing_{i}_{name}"] for name in ("time_s", "prosthetic_n", "intact_n"))
+            left.plot(time, sum(feet), color=colour_of(row["fulcrum_mm"]), linewidth=1.4,
                       linestyle=("--", "-.", (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))[k % 4],
-                      label=f"{condition_label(1e-3 * row['fulcrum_mm'])}, mean {row['mean_vertical_n']:.1f} N")
+                      label=f"{name_of(row['fulcrum_mm'])}, mean {row['mean_vertical_n']:.1f} N")
         left.set_xlim(0.0, min(table["duration_s"], _SETTLED_S))
         left.legend(loc="upper right")
         label(left, x="time (s)", y="vertical force on both feet (N)", title="Let go off rest: the start")
         places = np.arange(len(rows))
-        for key, shade, hatch, name in (("mean_prosthetic_n", "0.35", "", "prosthetic foot"),
-                                        ("mean_intact_n", "0.85", "///", "intact foot")):
-            base = np.zeros(len(rows)) if key == "mean_prosthetic_n" else np.array(
-                [row["mean_prosthetic_n"] for _, row in rows])
-            right.bar(places, [row[key] for _, row in rows], bottom=base, color=shade, edgecolor="0.2", hatch=hatch,
-                      width=0.6, label=name)
+        prosthetic, intact = (np.array([row[f"mean_{foot}_n"] for _, row in rows]) for foot in ("prosthetic", "intact"))
+        for bottom, height, shade, hatch, name in ((0.0 * places, prosthetic, "0.35", "", "prosthetic foot"),
+                                                   (prosthetic, intact, "0.85", "///", "intact foot")):
+            right.bar(places, height, bottom=bottom, color=shade, edgecolor="0.2", hatch=hatch, width=0.6, label=name)
         for place, (_, row) in zip(places, rows, strict=True):
             right.text(place, 0.5 * row["mean_prosthetic_n"], f"{row['prosthetic_share']:.0%}", color="white",
                        ha="center", va="center")
@@ -75,30 +71,26 @@ def _standing_figure(table: Row, arrays: Mapping[str, np.ndarray]) -> Figure:
     return figure
 
 
-Maker = Callable[[Row, Mapping[str, np.ndarray]], Chapter]
-_MAKERS: dict[str, tuple[str, Maker]] = {
+_MAKERS: dict[str, tuple[str, Callable[[Row, Arrays], Chapter]]] = {
     "bench": ("Bench", bench_chapter), "standing": ("Standing", standing_chapter),
     "walking": ("Walking", walking_chapter), "walking_exact": ("Without errors of measurement", exact_chapter),
     "energy": ("Energy storage and return", energy_chapter), "roll_over": ("Roll-over", roll_over_chapter),
     "settings": ("Can two settings be told apart?", settings_chapter),
     "sensitivity": ("Sensitivity", sensitivity_chapter)}
 """By section: what its chapter is called if it cannot be made, and what makes it."""
-_OPTIONAL = ("walking_exact",)
 
 
-def make_chapters(content: Row, arrays: Mapping[str, np.ndarray], *, lenient: bool) -> list[Chapter]:
-    """Summary, one chapter a section, and how it was made.
+def make_chapters(content: Row, arrays: Arrays, *, lenient: bool) -> list[Chapter]:
+    """Summary, one chapter a section, and how it was made; `arrays` by "section/name".
 
-    Args:
-        content: of validation.json. arrays: of validation.npz, by "section/name".
-        lenient: whether a section that this version cannot show is named as missing instead of raising, as for results
-            that another version wrote or somebody edited.
+    If `lenient`, a section that this version cannot show is named as missing instead of raising, as for results that
+    another version wrote or somebody edited.
     """
     chapters = [made_chapter("summary", "Summary", lambda: _summary(content), lenient)]
     for name, (title, maker) in _MAKERS.items():
         section = content["sections"].get(name)
         if not isinstance(section, Mapping):
-            if name not in _OPTIONAL:
+            if name != "walking_exact":  # only of the embedded trials
                 chapters.append(absent_chapter(name, title, "These results have no such section."))
         elif section.get("failure") or section.get("table") is None:
             chapters.append(absent_chapter(

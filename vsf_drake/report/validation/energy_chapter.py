@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,16 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import (
-    MARKERS,
-    NEUTRAL,
-    SIMULATED,
-    condition_colour,
-    condition_label,
-    drawing,
-    label,
-    log_scale,
-)
+from vsf_drake.report.style import MARKERS, NEUTRAL, SIMULATED, drawing, label, log_scale
+from vsf_drake.report.validation.figures import FULCRUM, Arrays, Row, colour_of, name_of
 
 _WORDS = {
     "limb_work": "work of the limb through the socket", "kinetic": "kinetic", "gravity": "gravity",
@@ -29,12 +20,16 @@ _WORDS = {
     "foam_loss": "foam, damping", "friction_loss": "friction", "fulcrum_loss": "fulcrum support, loss",
     "remainder": "remainder"}
 """Terms of the ledger in words, in the order in which they are shown."""
+_KINDS = (("stored_j", "stored", True), ("returned_j", "returned", False))
+"""Energies over the fulcrum's position: key, name, and whether its marks are full."""
+_STORES = (("keel_strain", "keel", 0.85, ""), ("fulcrum_strain", "fulcrum support", 0.5, "////"),
+           ("foam_strain", "foam", 0.2, ""))
+_LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
 
 
-def energy_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Chapter:
+def energy_chapter(table: Row, arrays: Arrays) -> Chapter:
     """What the foot stores and returns by fulcrum position, and how well the ledger of it closes."""
-    trials: Sequence[Mapping[str, Any]] = table["trials"]
-    facts, figures = dict(table), {}
+    trials, facts, figures = table["trials"], dict(table), {}
     if trials:
         phases = {name: 1e3 * float(np.mean([row["remainder_by_phase_j"][name] for row in trials]))
                   for name in trials[0]["remainder_by_phase_j"]}
@@ -62,16 +57,14 @@ def energy_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -
                    figures=figures)
 
 
-def _at_ends(rows: Sequence[Mapping[str, Any]]) -> tuple[float, ...]:
+def _at_ends(rows: Sequence[Row]) -> tuple[float, ...]:
     """Softest position (mm), mean energy stored there (J), and the same of the stiffest; nothing for one position."""
     places = sorted({row["fulcrum_mm"] for row in rows})
-    if len(places) < 2:
-        return ()
-    return tuple(value for x in (places[0], places[-1]) for value in (
-        x, float(np.mean([row["stored_j"] for row in rows if row["fulcrum_mm"] == x]))))
+    return tuple(number for x in (places[0], places[-1]) for number in (
+        x, float(np.mean([row["stored_j"] for row in rows if row["fulcrum_mm"] == x])))) if len(places) > 1 else ()
 
 
-def _first_of_each(table: Mapping[str, Any]) -> dict[float, int]:
+def _first_of_each(table: Row) -> dict[float, int]:
     """Row of `trials` of the first stance at each position (mm), softest first."""
     found: dict[float, int] = {}
     for i, row in enumerate(table["trials"]):
@@ -79,14 +72,9 @@ def _first_of_each(table: Mapping[str, Any]) -> dict[float, int]:
     return dict(sorted(found.items()))
 
 
-# How the ledger closes: one stance as a waterfall, and what remains of every trial.
-
-
-_STORED, _LOST = "0.75", "0.35"
-
-
-def _ledger_figure(table: Mapping[str, Any]) -> Figure:
-    """The figure: waterfall at toe-off of the first stance at the softest position, and the remainder of all."""
+def _ledger_figure(table: Row) -> Figure:
+    """How the ledger closes: a waterfall at toe-off of the first stance at the softest position, and the remainder of
+    all stances."""
     with drawing(10.5, 4.6) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
         row = table["trials"][0]
@@ -97,14 +85,14 @@ def _ledger_figure(table: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _waterfall(axes: Axes, row: Mapping[str, Any]) -> None:
+def _waterfall(axes: Axes, row: Row) -> None:
     left, names = row["limb_work_j"], list(_WORDS)
-    axes.barh(0, left, color=condition_colour(1e-3 * row["fulcrum_mm"]))
+    axes.barh(0, left, color=colour_of(row["fulcrum_mm"]))
     axes.text(left, 0, f" {left:.2f}", va="center", fontsize=8)
     for i, name in enumerate(names[1:], start=1):
         size = row[f"{name}_j"]
-        shade = "black" if name == "remainder" else _LOST if name.endswith("_loss") else _STORED
-        axes.barh(i, -size, left=left, color=shade)
+        axes.barh(i, -size, left=left,
+                  color="black" if name == "remainder" else "0.35" if name.endswith("_loss") else "0.75")
         axes.plot([left, left], [i - 1.4, i + 0.4], color=NEUTRAL, linewidth=0.6)
         text = f"{size:.4f}" if name == "remainder" else f"{size:.2f}"
         axes.text(max(left, left - size), i, f" {text}", va="center", fontsize=8)
@@ -115,156 +103,128 @@ def _waterfall(axes: Axes, row: Mapping[str, Any]) -> None:
     axes.set_xlim(right=1.12 * axes.get_xlim()[1])
 
 
-def _remainders(axes: Axes, table: Mapping[str, Any]) -> None:
-    rows: Sequence[Mapping[str, Any]] = table["trials"]
+def _remainders(axes: Axes, table: Row) -> None:
+    rows, asked = table["trials"], 100.0 * table["asked_share"]
     coarse = {(row["label"], row["stance"]): row for row in table["convergence"]}
     homes = sorted({row["fulcrum_mm"] for row in rows})
     for i, row in enumerate(rows):
-        colour = condition_colour(1e-3 * row["fulcrum_mm"])
-        marker = MARKERS[homes.index(row["fulcrum_mm"]) % len(MARKERS)]
+        look = {"marker": MARKERS[homes.index(row["fulcrum_mm"]) % len(MARKERS)], "color": colour_of(row["fulcrum_mm"])}
         if row["remainder_share"]:
-            axes.plot(i, 100.0 * row["remainder_share"], marker=marker, color=colour, linestyle="")
+            axes.plot(i, 100.0 * row["remainder_share"], **look, linestyle="")
         twin = coarse.get((row["label"], row["stance"]))
         if twin and row["stored_j"] > 0.0 and twin["coarse_remainder_max_j"] > 0.0:
-            axes.plot(i, 100.0 * twin["coarse_remainder_max_j"] / row["stored_j"], marker=marker, color=colour,
-                      markerfacecolor="white", linestyle="")
-    axes.axhline(100.0 * table["asked_share"], color="0.1", linewidth=1.2)
-    axes.text(0.02, 100.0 * table["asked_share"] * 1.06, f"asked: at most {100.0 * table['asked_share']:g} %",
-              va="bottom", fontsize=8, transform=axes.get_yaxis_transform())
-    axes.plot([], [], marker="o", color=NEUTRAL, linestyle="", label=f"steps of {1e3 * table['step_s']:g} ms")
-    axes.plot([], [], marker="o", color=NEUTRAL, markerfacecolor="white", linestyle="",
-              label=f"steps of {1e3 * table['coarse_step_s']:g} ms")
+            axes.plot(i, 100.0 * twin["coarse_remainder_max_j"] / row["stored_j"], **look, markerfacecolor="white",
+                      linestyle="")
+    axes.axhline(asked, color="0.1", linewidth=1.2)
+    axes.text(0.02, asked * 1.06, f"asked: at most {asked:g} %", va="bottom", fontsize=8,
+              transform=axes.get_yaxis_transform())
+    for key, face in (("step_s", NEUTRAL), ("coarse_step_s", "white")):
+        axes.plot([], [], marker="o", color=NEUTRAL, markerfacecolor=face, linestyle="",
+                  label=f"steps of {1e3 * table[key]:g} ms")
     log_scale(axes.yaxis)
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_ylim(top=max(axes.get_ylim()[1], 200.0 * table["asked_share"]))
+    axes.set_ylim(top=max(axes.get_ylim()[1], 2.0 * asked))
     axes.set_xticks(range(len(rows)), [row["label"] for row in rows], rotation=45, ha="right")
     axes.legend(loc="upper right")
     label(axes, x="trial", y="largest remainder over stored energy (%)", title="How well the ledger closes")
 
 
-# Stored and returned energy over the fulcrum's position: as recorded, under the same load, with the same motion.
-
-
-_X = "fulcrum from the keel's posterior end (mm)"
-_KINDS = (("stored_j", "stored", True), ("returned_j", "returned", False))
-
-
-def _position_figure(table: Mapping[str, Any]) -> Figure:
-    """The figure: three panels, each over the fulcrum's position."""
+def _position_figure(table: Row) -> Figure:
+    """Stored and returned energy over the fulcrum's position: as recorded, under the same load, with the same motion.
+    """
+    trials = table["trials"]
+    places = sorted({row["fulcrum_mm"] for key in ("trials", "same_load") for row in table[key]})
     with drawing(10.5, 4.1) as figure:
-        first, second, third = figure.subplots(1, 3)
-        _recorded(first, table["trials"], table["conditions"])
-        _moved(second, table["same_load"], table["trials"])
-        _moved(third, table["same_motion"], table["trials"])
-        label(first, x=_X, y="energy of a stance (J)", title="Trials as recorded, each at its own position")
-        label(second, x=_X, y="", title="Each trial's load, fulcrum moved")
-        label(third, x=_X, y="", title="Each trial's motion, fulcrum moved")
-        for axes in (first, second, third):
+        panels = first, second, third = figure.subplots(1, 3)
+        _recorded(first, trials, table["conditions"])
+        _moved(second, table["same_load"], trials)
+        _moved(third, table["same_motion"], trials)
+        for axes, title in zip(panels, ("Trials as recorded, each at its own position",
+                                        "Each trial's load, fulcrum moved", "Each trial's motion, fulcrum moved"),
+                               strict=True):
+            label(axes, x=FULCRUM, y="energy of a stance (J)" if axes is first else "", title=title)
             axes.set_ylim(bottom=0.0)
-            places = sorted({row["fulcrum_mm"] for key in ("trials", "same_load") for row in table[key]})
             axes.set_xticks(places, [f"{x:g}" for x in places])
-        if table["trials"]:
-            for _, name, filled in _KINDS:
-                first.plot([], [], color=NEUTRAL, marker="o", markerfacecolor=NEUTRAL if filled else "white",
-                           label=f"{name}, mean of trials", **SIMULATED)
-            first.plot([], [], color=NEUTRAL, marker="x", linestyle="", label="lost in the foot, mean of trials")
-            first.legend(loc="upper right")
-            second.legend(loc="upper right", title="means of the trials at")
+        for _, name, full in _KINDS:
+            first.plot([], [], color=NEUTRAL, marker="o", markerfacecolor=NEUTRAL if full else "white",
+                       label=f"{name}, mean of trials", **SIMULATED)
+        first.plot([], [], color=NEUTRAL, marker="x", linestyle="", label="lost in the foot, mean of trials")
+        first.legend(loc="upper right")
+        second.legend(loc="upper right", title="means of the trials at")
         second.set_ylim(top=second.get_ylim()[1] * 1.25)
         first.set_ylim(top=first.get_ylim()[1] * 1.35)
     return figure
 
 
-def _recorded(axes: Axes, trials: Sequence[Mapping[str, Any]], conditions: Sequence[Mapping[str, Any]]) -> None:
-    for key, _, filled in _KINDS:
-        axes.plot([c["fulcrum_mm"] for c in conditions], [c[key] for c in conditions], color=NEUTRAL, zorder=1,
-                  **SIMULATED)
+def _recorded(axes: Axes, trials: Sequence[Row], conditions: Sequence[Row]) -> None:
+    places = [c["fulcrum_mm"] for c in conditions]
+    for key, _, full in _KINDS:
+        axes.plot(places, [c[key] for c in conditions], color=NEUTRAL, zorder=1, **SIMULATED)
         for row in trials:
-            colour = condition_colour(1e-3 * row["fulcrum_mm"])
+            colour = colour_of(row["fulcrum_mm"])
             axes.plot(row["fulcrum_mm"], row[key], marker="o", linestyle="", markersize=5, color=colour,
-                      markerfacecolor=colour if filled else "white")
-    axes.plot([c["fulcrum_mm"] for c in conditions], [c["lost_j"] for c in conditions], marker="x", linestyle="",
-              color=NEUTRAL)
+                      markerfacecolor=colour if full else "white")
+    axes.plot(places, [c["lost_j"] for c in conditions], marker="x", linestyle="", color=NEUTRAL)
 
 
-def _moved(axes: Axes, rows: Sequence[Mapping[str, Any]], trials: Sequence[Mapping[str, Any]]) -> None:
+def _moved(axes: Axes, rows: Sequence[Row], trials: Sequence[Row]) -> None:
     """Means over the trials of each condition, where all of them could be walked."""
     own = {row["label"]: row["fulcrum_mm"] for row in trials}
     for number, home in enumerate(sorted(set(own.values()))):
         mine = [row for row in rows if own.get(row["label"]) == home]
-        count = len({row["label"] for row in mine})
-        places = [x for x in sorted({row["fulcrum_mm"] for row in mine})
-                  if sum(row["fulcrum_mm"] == x for row in mine) == count]
-        colour = condition_colour(1e-3 * home)
-        for key, _, filled in _KINDS:
-            means = [float(np.mean([row[key] for row in mine if row["fulcrum_mm"] == x])) for x in places]
-            axes.plot(places, means, color=colour, marker=MARKERS[number % len(MARKERS)], markersize=5,
-                      markerfacecolor=colour if filled else "white",
-                      label=condition_label(1e-3 * home) if filled else None, **SIMULATED)
+        at = {x: [row for row in mine if row["fulcrum_mm"] == x] for x in sorted({row["fulcrum_mm"] for row in mine})}
+        places = [x for x, of in at.items() if len(of) == len({row["label"] for row in mine})]
+        colour = colour_of(home)
+        for key, _, full in _KINDS:
+            axes.plot(places, [float(np.mean([row[key] for row in at[x]])) for x in places], color=colour,
+                      marker=MARKERS[number % len(MARKERS)], markersize=5, markerfacecolor=colour if full else "white",
+                      label=name_of(home) if full else None, **SIMULATED)
 
 
-# Distal segment power over stance, of the pylon and of the residual shank.
-
-
-_PANELS = (("pylon_power_w", "Seen from the pylon: the foot alone"),
-           ("shank_power_w", "Seen from the residual shank: foot and socket"))
-
-
-def _power_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
-    """The figure: one line a stance, in the colour of its fulcrum position."""
-    percent = np.asarray(arrays["percent"], dtype=float)
-    middle = 0.5 * (percent[1:] + percent[:-1])
+def _power_figure(table: Row, arrays: Arrays) -> Figure:
+    """Distal segment power over stance, of the pylon and of the residual shank: one line a stance."""
+    middle = 0.5 * (arrays["percent"][1:] + arrays["percent"][:-1])
     with drawing(10.5, 3.9) as figure:
         panels = figure.subplots(1, 2, sharey=True)
-        for axes, (name, title) in zip(panels, _PANELS, strict=True):
+        for axes, name, title in zip(panels, ("pylon_power_w", "shank_power_w"), (
+                "Seen from the pylon: the foot alone", "Seen from the residual shank: foot and socket"), strict=True):
             seen = set()
-            for row, power in zip(table["trials"], np.asarray(arrays[name], dtype=float), strict=True):
+            for row, power in zip(table["trials"], arrays[name], strict=True):
                 home = row["fulcrum_mm"]
-                axes.plot(middle, power, color=condition_colour(1e-3 * home),
-                          label=None if home in seen else condition_label(1e-3 * home), **SIMULATED)
+                axes.plot(middle, power, color=colour_of(home), label=None if home in seen else name_of(home),
+                          **SIMULATED)
                 seen.add(home)
             axes.axhline(0.0, color="0.3", linewidth=0.8)
             axes.set_xlim(0.0, 100.0)
             label(axes, x="stance (%)", y="distal segment power (W)" if axes is panels[0] else "", title=title)
         panels[0].legend(loc="upper left")
-        panels[0].text(0.99, 0.97, "given back", transform=panels[0].transAxes, ha="right", va="top", fontsize=8)
-        panels[0].text(0.99, 0.03, "taken up", transform=panels[0].transAxes, ha="right", va="bottom", fontsize=8)
+        for height, side, text in ((0.97, "top", "given back"), (0.03, "bottom", "taken up")):
+            panels[0].text(0.99, height, text, transform=panels[0].transAxes, ha="right", va=side, fontsize=8)
     return figure
 
 
-# Where the energy of the foot is over a stance: one trial a fulcrum position.
-
-
-_STORES = (("keel_strain", "keel", 0.85, ""), ("fulcrum_strain", "fulcrum support", 0.5, "////"),
-           ("foam_strain", "foam", 0.2, ""))
-_LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
-
-
-def _stance_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
-    """The figure: strain of keel, support and foam stacked, and losses of the foot so far; a panel a position."""
-    shown = _first_of_each(table).items()
-    terms, percent = np.asarray(arrays["terms_j"], dtype=float), np.asarray(arrays["percent"], dtype=float)
+def _stance_figure(table: Row, arrays: Arrays) -> Figure:
+    """Where the energy of the foot is over a stance: strain of keel, support and foam stacked, and losses so far; one
+    trial a fulcrum position."""
+    shown, percent = _first_of_each(table).items(), arrays["percent"]
     with drawing(10.5, 3.9) as figure:
         panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
         for axes, (fulcrum, i) in zip(panels, shown, strict=True):
-            _panel(axes, percent, dict(zip(table["terms"], terms[i], strict=True)), 1e-3 * fulcrum)
+            terms = dict(zip(table["terms"], arrays["terms_j"][i], strict=True))
+            colour, base = colour_of(fulcrum), np.zeros(len(percent))
+            for name, text, alpha, hatch in _STORES:
+                top = base + terms[name]
+                axes.fill_between(percent, base, top, facecolor=(*colour[:3], alpha), edgecolor="white", hatch=hatch,
+                                  linewidth=0.0, label=text)
+                base = top
+            axes.plot(percent, base, color=colour, **SIMULATED)
+            axes.plot(percent, np.sum([terms[name] for name in _LOSSES], axis=0), color="0.1", linestyle=(0, (1, 1)),
+                      linewidth=1.4, label="lost in the foot so far")
+            axes.set_xlim(0.0, 100.0)
+            axes.set_ylim(bottom=0.0)
             label(axes, x="stance (%)", y="energy (J)" if axes is panels[0] else "",
-                  title=f"{condition_label(1e-3 * fulcrum)}: {table['trials'][i]['label']}")
+                  title=f"{name_of(fulcrum)}: {table['trials'][i]['label']}")
         panels[0].legend(loc="upper left")
     return figure
-
-
-def _panel(axes: Axes, percent: np.ndarray, terms: Mapping[str, np.ndarray], fulcrum_m: float) -> None:
-    colour, base = condition_colour(fulcrum_m), np.zeros(len(percent))
-    for name, text, alpha, hatch in _STORES:
-        top = base + terms[name]
-        axes.fill_between(percent, base, top, facecolor=(*colour[:3], alpha), edgecolor="white", hatch=hatch,
-                          linewidth=0.0, label=text)
-        base = top
-    axes.plot(percent, base, color=colour, **SIMULATED)
-    axes.plot(percent, np.sum([terms[name] for name in _LOSSES], axis=0), color="0.1", linestyle=(0, (1, 1)),
-              linewidth=1.4, label="lost in the foot so far")
-    axes.set_xlim(0.0, 100.0)
-    axes.set_ylim(bottom=0.0)

@@ -7,8 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vsf_drake.analysis.validation.run import NAMES, is_kept
 from vsf_drake.analysis.validation.study import HELD_OUT, Study
 from vsf_drake.files import write_json
@@ -17,6 +15,7 @@ from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import save_figure
 from vsf_drake.report.validation.chapters import make_chapters
+from vsf_drake.report.validation.figures import Arrays, Row
 from vsf_drake.simulation.results import save_walk
 
 FORMAT = 1
@@ -24,7 +23,7 @@ WALKS, REPLAY, UNFINISHED = "walks", "replay.html", "unfinished"
 NO_FIRST_LINE = "These results do not say whether their data are measured or synthetic."
 
 
-def _show(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *, folder: Path, lenient: bool
+def _show(table: Row, arrays: Arrays, *, folder: Path, lenient: bool
           ) -> dict[str, Any]:
     """What `page.chapter_page` is to be given; notes of what this version finds wrong come with it."""
     notes = list(table["notes"]) if isinstance(table.get("notes"), list) else []
@@ -60,14 +59,10 @@ VALIDATION = ResultsFolder(
 
 
 def write_validation(
-    content: Mapping[str, Any], arrays: Mapping[str, np.ndarray], out: Path, *, study: Study | None = None
+    content: Row, arrays: Arrays, out: Path, *, study: Study | None = None
 ) -> dict[str, Any]:
-    """Writes a validation; see `ResultsFolder.write`.
-
-    Args:
-        content: everything but arrays, plain values. arrays: by "section/name".
-        study: what they were computed from; then also its walks, a folder each, and the replay of one.
-    """
+    """Writes a validation, plain values and arrays by "section/name"; see `ResultsFolder.write`. With the study that
+    they were computed from also its walks, a folder each, and the replay of one."""
     more = {} if study is None else {"more": partial(_write_walks, study)}
     return VALIDATION.write(out, {**content, "kind": "validation", "format": FORMAT}, arrays, **more)
 

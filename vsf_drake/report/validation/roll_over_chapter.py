@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import (
-    HEEL_COLOUR,
-    MARKERS,
-    MEASURED,
-    NEUTRAL,
-    SIMULATED,
-    condition_colour,
-    condition_label,
-    drawing,
-    label,
-)
+from vsf_drake.report.style import HEEL_COLOUR, MARKERS, MEASURED, NEUTRAL, SIMULATED, drawing, label
+from vsf_drake.report.validation.figures import Arrays, Row, colour_of, name_of
+
+_SECOND_PEAK_MS = 447.5
+_PANELS = (("radius_m", 1e3, "arc radius (mm)"), ("effective_foot_length_ratio", 1.0, "effective / foot length (1)"),
+           ("mean_moment_arm_m", 1e3, "mean moment arm (mm)"))
 
 
-def roll_over_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Chapter:
+def roll_over_chapter(table: Row, arrays: Arrays) -> Chapter:
     """The chapter of a saved section (`analysis.validation.roll_over_section`)."""
     iso, inclined = table["iso"], table["inclined"]
     pairs = [(row, other) for row in iso["positions"] for other in iso["with_friction"]
@@ -39,9 +34,8 @@ def roll_over_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
             row | {f"{side}_{name}": row[side][name] for side in ("measured", "model") for name, _, _ in _PANELS}
             for row in table["walks"]],
         "iso_ends": iso["positions"][:1] + iso["positions"][1:][-1:],
-        "followed": [row | {"follows": "yes" if row["follows"] else "NO"} for row in iso["positions"]],
-        "followed_with_friction": [row | {"follows": "yes" if row["follows"] else "NO"}
-                                   for row in iso["with_friction"]],
+        **{name: [row | {"follows": "yes" if row["follows"] else "NO"} for row in iso[key]]
+           for name, key in (("followed", "positions"), ("followed_with_friction", "with_friction"))},
         "changes": {name: [100.0 * (other[name] / row[name] - 1.0) for row, other in pairs
                            if row[name] is not None and other[name] is not None]
                     for name in ("deflection_forefoot_mm", "radius_m", "dorsiflexing_moment_nm")},
@@ -60,31 +54,30 @@ def roll_over_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
                    facts={**table, **facts}, figures=figures)
 
 
-def _inclined_figure(rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.ndarray]) -> Figure:
+def _inclined_figure(rows: Sequence[Row], arrays: Arrays) -> Figure:
     """Load and displacement of the foot pressed at an angle, and energy by fulcrum position."""
     with drawing(10.5, 3.9) as figure:
         *panels, energy = figure.subplots(1, 3, width_ratios=(1.0, 1.3, 1.0))
-        for axes, sign, title, marker, words in ((panels[0], -1.0, "Heel, -15°", "s", "heel, -15°"),
-                                                 (panels[1], 1.0, "Forefoot, +20°", "o", "forefoot, +20°")):
-            own = [row for row in rows if sign * row["angle_deg"] > 0.0]
+        for axes, sign, title, marker, place in ((panels[0], "minus", "Heel, -15°", "s", "upper left"),
+                                                 (panels[1], "plus", "Forefoot, +20°", "o", "lower right")):
+            own = [row for row in rows if (row["angle_deg"] > 0.0) == (sign == "plus")]
             for i, row in enumerate(own):
-                fulcrum, angle = 1e-3 * row["fulcrum_mm"], row["angle_deg"]
-                name = f"inclined_{'minus' if angle < 0 else 'plus'}{abs(angle):.0f}_{row['fulcrum_mm']:.0f}"
-                load = np.asarray(arrays[f"{name}_load_n"])
+                fulcrum = row["fulcrum_mm"]
+                name = f"inclined_{sign}{abs(row['angle_deg']):.0f}_{fulcrum:.0f}"
+                load = arrays[f"{name}_load_n"]
                 loading = slice(0, int(np.argmax(load)) + 1)
-                axes.plot(1e3 * np.asarray(arrays[f"{name}_displacement_m"])[loading], load[loading],
-                          color=condition_colour(fulcrum), label=condition_label(fulcrum),
-                          marker=MARKERS[i % len(MARKERS)], markersize=4, markevery=(8 + 4 * i, 22), **SIMULATED)
-                energy.plot(row["fulcrum_mm"], row["energy_stored_j"], marker, markersize=6,
-                            color=condition_colour(fulcrum))
+                axes.plot(1e3 * arrays[f"{name}_displacement_m"][loading], load[loading], color=colour_of(fulcrum),
+                          label=name_of(fulcrum), marker=MARKERS[i % len(MARKERS)], markersize=4,
+                          markevery=(8 + 4 * i, 22), **SIMULATED)
+                energy.plot(fulcrum, row["energy_stored_j"], marker, markersize=6, color=colour_of(fulcrum))
             axes.set_xlim(left=0.0)
             axes.set_ylim(bottom=0.0)
             label(axes, x="displacement (mm)", y="load (N)", title=title)
             if own:
-                axes.legend(loc="lower right" if sign > 0.0 else "upper left")
+                axes.legend(loc=place)
                 energy.plot([row["fulcrum_mm"] for row in own], [row["energy_stored_j"] for row in own],
                             color=HEEL_COLOUR, linewidth=0.8, linestyle=":", zorder=1.9)
-                energy.plot([], [], marker, color=HEEL_COLOUR, label=words)
+                energy.plot([], [], marker, color=HEEL_COLOUR, label=title.lower())
         energy.legend(loc="best")
         energy.set_ylim(bottom=0.0)
         energy.margins(x=0.12)
@@ -92,38 +85,35 @@ def _inclined_figure(rows: Sequence[Mapping[str, Any]], arrays: Mapping[str, np.
     return figure
 
 
-_SECOND_PEAK_MS = 447.5
-
-
-def _iso_figure(iso: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Figure:
+def _iso_figure(iso: Row, arrays: Arrays) -> Figure:
     """The foot under the ISO 22675 loading profile: what is prescribed, and how the foot answers at each position."""
     with drawing(10.5, 6.4) as figure:
         (force, tilt, deflection), (shape, moment, strain) = figure.subplots(2, 3)
-        time = 1e3 * np.asarray(arrays["iso_time_s"])
+        time = 1e3 * arrays["iso_time_s"]
         rolled = time <= _SECOND_PEAK_MS
         force.plot(time, arrays["iso_wanted_n"], color=NEUTRAL, label="profile", **MEASURED)
         tilt.plot(time, arrays["iso_tilt_deg"], color=NEUTRAL, linewidth=1.8)
         tilt.axhline(0.0, color=NEUTRAL, linewidth=0.6)
         for i, row in enumerate(iso["positions"]):
-            fulcrum = row["fulcrum_mm"]
+            name = f"iso_{row['fulcrum_mm']:.0f}"
             look: dict[str, Any] = {
-                **SIMULATED, "color": condition_colour(1e-3 * fulcrum), "label": condition_label(1e-3 * fulcrum),
+                **SIMULATED, "color": colour_of(row["fulcrum_mm"]), "label": name_of(row["fulcrum_mm"]),
                 "marker": MARKERS[i % len(MARKERS)], "markersize": 4, "markevery": (12 * (i + 1), 60)}
-            found = {name: np.asarray(arrays[f"iso_{fulcrum:.0f}_{name}"])
-                     for name in ("force_n", "deflection_mm", "moment_nm", "strain_j", "cop_forward_m", "cop_up_m")}
-            force.plot(time, found["force_n"], **(look | {"label": "foot" if i == 0 else None}))
-            for axes, name in ((deflection, "deflection_mm"), (moment, "moment_nm"), (strain, "strain_j")):
-                axes.plot(time, found[name], **look)
-            forward, up = 1e3 * found["cop_forward_m"], 1e3 * found["cop_up_m"]
+            force.plot(time, arrays[f"{name}_force_n"], **(look | {"label": "foot" if i == 0 else None}))
+            for axes, what in ((deflection, "deflection_mm"), (moment, "moment_nm"), (strain, "strain_j")):
+                axes.plot(time, arrays[f"{name}_{what}"], **look)
+            forward, up = (1e3 * arrays[f"{name}_cop_{axis}_m"] for axis in ("forward", "up"))
             shape.plot(forward[rolled], up[rolled], **look)
             shape.plot(forward[~rolled], up[~rolled], color=look["color"], linewidth=0.7, linestyle=":")
         shape.plot(0.0, 0.0, "+", color=NEUTRAL, markersize=9)
         shape.set_aspect("equal", adjustable="datalim")
-        label(force, x="time (ms)", y="force along the fixed line (N)", title="Force: profile, and what the foot bears")
-        label(tilt, x="time (ms)", y="tilt of the platform (deg)", title="Tilt (below zero: heel)")
-        label(deflection, x="time (ms)", y="deflection (mm)", title="Deflection along the line of force")
-        label(moment, x="time (ms)", y="moment at the pylon's end (N m)", title="Moment (positive: toe up)")
-        label(strain, x="time (ms)", y="stored energy (J)", title="Energy stored in keel and foam")
+        for axes, y, title in (
+                (force, "force along the fixed line (N)", "Force: profile, and what the foot bears"),
+                (tilt, "tilt of the platform (deg)", "Tilt (below zero: heel)"),
+                (deflection, "deflection (mm)", "Deflection along the line of force"),
+                (moment, "moment at the pylon's end (N m)", "Moment (positive: toe up)"),
+                (strain, "stored energy (J)", "Energy stored in keel and foam")):
+            label(axes, x="time (ms)", y=y, title=title)
         label(shape, x="forward of the pylon's axis (mm)", y="above the pylon's end (mm)",
               title="Centre of pressure seen from the pylon")
         force.legend(loc="lower center")
@@ -131,11 +121,7 @@ def _iso_figure(iso: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Fig
     return figure
 
 
-_PANELS = (("radius_m", 1e3, "arc radius (mm)"), ("effective_foot_length_ratio", 1.0, "effective / foot length (1)"),
-           ("mean_moment_arm_m", 1e3, "mean moment arm (mm)"))
-
-
-def _shape_figure(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Figure:
+def _shape_figure(table: Row, arrays: Arrays) -> Figure:
     """Roll-over shapes in walking, plate beside model, and what describes them by fulcrum position."""
     with drawing(10.5, 6.6) as figure:
         grid = figure.add_gridspec(2, 3, height_ratios=(1.25, 1.0))
@@ -145,12 +131,11 @@ def _shape_figure(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) ->
             own = [row["curves"] for row in table["walks"] if row["fulcrum_mm"] == fulcrum]
             for side, look, words in (("measured", MEASURED, "plate"), ("model", SIMULATED, "model")):
                 # where all are known, else NaN
-                forward, up = (1e3 * np.mean([np.asarray(arrays[f"{name}_{side}_{axis}_m"], dtype=float)
-                                              for name in own], axis=0) for axis in ("forward", "up"))
+                forward, up = (1e3 * np.mean([arrays[f"{name}_{side}_{axis}_m"] for name in own], axis=0)
+                               for axis in ("forward", "up"))
                 if np.isfinite(forward).any():
-                    shapes.plot(forward, up, color=condition_colour(1e-3 * fulcrum), marker=MARKERS[i % len(MARKERS)],
-                                markersize=4.5, markevery=(3 + 2 * i, 9), **look,
-                                label=f"{condition_label(1e-3 * fulcrum)}, {words}")
+                    shapes.plot(forward, up, color=colour_of(fulcrum), marker=MARKERS[i % len(MARKERS)],
+                                markersize=4.5, markevery=(3 + 2 * i, 9), **look, label=f"{name_of(fulcrum)}, {words}")
         shapes.plot(0.0, 0.0, "+", color=NEUTRAL, markersize=10, label="end of the pylon")
         shapes.set_aspect("equal", adjustable="datalim")
         shapes.legend(loc="upper right", ncols=2)
@@ -161,10 +146,10 @@ def _shape_figure(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) ->
             axes = figure.add_subplot(grid[1, i])
             for side, marker, said, shift in (("measured", "o", "plate", 2.0), ("model", "D", "model", -2.0)):
                 for row in (row for row in table["walks"] if row[side][name] is not None):
-                    colour = condition_colour(1e-3 * row["fulcrum_mm"])
+                    colour = colour_of(row["fulcrum_mm"])
                     axes.plot(row["fulcrum_mm"] + shift, scale * row[side][name], marker, markersize=6, color=colour,
-                              markerfacecolor=colour if shift > 0.0 else "white")
-                axes.plot([], [], marker, color=NEUTRAL, markerfacecolor=NEUTRAL if shift > 0.0 else "white",
+                              markerfacecolor=colour if side == "measured" else "white")
+                axes.plot([], [], marker, color=NEUTRAL, markerfacecolor=NEUTRAL if side == "measured" else "white",
                           label=said)
             axes.margins(x=0.12, y=0.15)
             if i == 0:

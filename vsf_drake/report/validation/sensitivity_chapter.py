@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,10 +13,10 @@ from matplotlib.patches import Patch
 
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import drawing, label
+from vsf_drake.report.validation.figures import Arrays, Row, say_synthetic
 
 
-@dataclass(frozen=True)
-class Output:
+class Output(NamedTuple):
     """How an output of the study is shown: its name, unit, scale of the stored value, and number format."""
 
     name: str
@@ -45,12 +44,13 @@ MOST = 12
 """Factors in a panel of the screening, and in the table by condition."""
 _NAMED = 4
 _HEIGHT = 0.38
+_KINDS = (("group", "sobol"), ("factor", "sobol_factors"))
 
 
-def sensitivity_chapter(table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Chapter:
+def sensitivity_chapter(table: Row, arrays: Arrays) -> Chapter:
     """Made of a `sensitivity_section` alone; `arrays` is empty."""
     screened = _shown(table["morris"])
-    by_kind = [(kind, key, _shown(table[key])) for kind, key in (("group", "sobol"), ("factor", "sobol_factors"))]
+    by_kind = [(kind, key, _shown(table[key])) for kind, key in _KINDS]
     indices = [(OUTPUTS[name], table[key][name]) for _, key, names in by_kind for name in names]
     stable = [(table["stability"][name], OUTPUTS[name].name) for name in screened
               if table["stability"][name] is not None]
@@ -87,11 +87,11 @@ def _shown(rows_by_output: Mapping[str, Sequence[Any] | None]) -> list[str]:
     return [name for name in MAIN if rows_by_output.get(name)]
 
 
-def _top(rows: Sequence[Mapping[str, Any]], key: str, most: int) -> list[Mapping[str, Any]]:
+def _top(rows: Sequence[Row], key: str, most: int) -> list[Row]:
     return sorted(rows, key=lambda row: -row[key])[:most]
 
 
-def _output_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _output_rows(table: Row) -> list[dict[str, Any]]:
     """Every output as it is, over the uncertainty, and by what it is moved most; values in the output's unit."""
     rows = []
     for name, output in OUTPUTS.items():
@@ -104,7 +104,7 @@ def _output_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     return rows
 
 
-def _screening_tables(table: Mapping[str, Any], screened: Sequence[str]) -> dict[str, Any]:
+def _screening_tables(table: Row, screened: Sequence[str]) -> dict[str, Any]:
     """All factors by all outputs (mu* with its interval, and sigma), and mu* of the first main output by condition."""
     names = [name for name in OUTPUTS if table["morris"].get(name)]
     found = {name: {row["name"]: row for row in table["morris"][name]} for name in names}
@@ -132,7 +132,7 @@ def _screening_tables(table: Mapping[str, Any], screened: Sequence[str]) -> dict
                                   for n, one in enumerate(effects)}} for factor in order[:MOST]]}
 
 
-def _index_table(table: Mapping[str, Any], kind: str, key: str, names: Sequence[str]) -> tuple[Any, ...]:
+def _index_table(table: Row, kind: str, key: str, names: Sequence[str]) -> tuple[Any, ...]:
     """Name, kind, rows and columns of the indices of groups or of factors for the main outputs."""
     found = {name: {row["name"]: row for row in table[key][name]} for name in names}
     rows = [{"name": one["name"], **{f"{name}_{part}": found[name][one["name"]][part] for name in names
@@ -143,46 +143,45 @@ def _index_table(table: Mapping[str, Any], kind: str, key: str, names: Sequence[
     return f"sensitivity_{kind}_indices", kind, rows, columns
 
 
-def indices_figure(table: Mapping[str, Any]) -> Figure:
+def indices_figure(table: Row) -> Figure:
     """First-order and total indices: a row of panels for groups, one for single factors; outputs side by side.
 
     Of groups or of factors at least one main output must have rows.
     """
-    blocks = [(kind, _shown(table[key])) for kind, key in (("group", "sobol"), ("factor", "sobol_factors"))]
-    blocks = [(kind, names) for kind, names in blocks if names]
-    across = max(len(names) for _, names in blocks)
+    blocks = [(kind, key, names) for kind, key in _KINDS if (names := _shown(table[key]))]
+    across = max(len(names) for _, _, names in blocks)
+    of = {row["name"]: row["group"] for row in table["factors"]}
     with drawing(11.0 if across > 1 else 6.5, 0.9 + 3.1 * len(blocks)) as figure:
         panels = figure.subplots(len(blocks), across, squeeze=False)
-        for line, (kind, names) in zip(panels, blocks, strict=True):
+        for line, (kind, key, names) in zip(panels, blocks, strict=True):
             for axes, name in zip(line, names, strict=False):
-                _panel(axes, table, kind, name)
+                rows = _top(table[key][name], "st", len(table[key][name]))
+                for place, row in enumerate(rows):
+                    first, total = place - _HEIGHT / 2, place + _HEIGHT / 2
+                    look = _look(of[row["name"]] if kind == "factor" else row["name"])
+                    axes.barh(first, max(row["s1"], 0.0), height=_HEIGHT, **look)
+                    axes.barh(total, row["st"], height=_HEIGHT, facecolor="white", edgecolor="black", linewidth=0.9)
+                    for index, at in (("s1", first), ("st", total)):
+                        ends = [max(row[index] + sign * row[f"{index}_conf"], 0.0) for sign in (-1.0, 1.0)]
+                        axes.plot(ends, [at, at], color="black", linewidth=1.0, clip_on=False)
+                _name_bars(axes, rows)
+                label(axes, x="share of the variance (1)", y=kind, title=OUTPUTS[name].name)
             for axes in line[len(names):]:
                 axes.set_axis_off()
         handles = [Patch(facecolor="0.6", edgecolor="black", linewidth=0.5, label="first order: alone (coloured)"),
                    Patch(facecolor="white", edgecolor="black", linewidth=0.9, label="total: with all interactions"),
                    *(Patch(label=group, **_look(group)) for group in GROUPS)]
         figure.legend(handles=handles, loc="outside lower center", ncols=4)
-        if table["synthetic"]:
-            figure.suptitle("SYNTHETIC trials, not recorded", x=0.01, ha="left", fontsize=11)
+        say_synthetic(figure, table, "trials")
     return figure
 
 
-def _panel(axes: Axes, table: Mapping[str, Any], kind: str, name: str) -> None:
-    groups = {row["name"]: row["group"] for row in table["factors"]}
-    rows = sorted(table["sobol" if kind == "group" else "sobol_factors"][name], key=lambda row: -row["st"])
-    places = np.arange(len(rows))
-    for place, row in zip(places, rows, strict=True):
-        group = row["name"] if kind == "group" else groups[row["name"]]
-        axes.barh(place - _HEIGHT / 2, max(row["s1"], 0.0), height=_HEIGHT, **_look(group))
-        axes.barh(place + _HEIGHT / 2, row["st"], height=_HEIGHT, facecolor="white", edgecolor="black", linewidth=0.9)
-        for key, at in (("s1", place - _HEIGHT / 2), ("st", place + _HEIGHT / 2)):
-            ends = [max(row[key] + sign * row[f"{key}_conf"], 0.0) for sign in (-1.0, 1.0)]
-            axes.plot(ends, [at, at], color="black", linewidth=1.0, clip_on=False)
-    axes.set_yticks(places, [row["name"] for row in rows], fontsize=8.0)
+def _name_bars(axes: Axes, rows: Sequence[Row]) -> None:
+    """The names of horizontal bars, the first on top."""
+    axes.set_yticks(np.arange(len(rows)), [row["name"] for row in rows], fontsize=8.0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(left=0.0)
     axes.grid(False, axis="y")
-    label(axes, x="share of the variance (1)", y=kind, title=OUTPUTS[name].name)
 
 
 def _look(group: str) -> dict[str, Any]:
@@ -191,37 +190,26 @@ def _look(group: str) -> dict[str, Any]:
     return {"facecolor": colour, "hatch": hatch, "edgecolor": "black", "linewidth": 0.5}
 
 
-def screening_figure(table: Mapping[str, Any]) -> Figure:
+def screening_figure(table: Row) -> Figure:
     """mu* of the MOST strongest factors, one panel an output; at least one main output must have rows."""
-    names = _shown(table["morris"])
-    with drawing(11.0 if len(names) > 1 else 6.5, 4.8) as figure:
-        panels = figure.subplots(1, len(names), squeeze=False)[0]
-        for axes, name in zip(panels, names, strict=True):
-            _screening_panel(axes, table, name)
-        present = {row["group"] for name in names for row in _top(table["morris"][name], "mu_star", MOST)}
+    found = {name: _top(table["morris"][name], "mu_star", MOST) for name in _shown(table["morris"])}
+    with drawing(11.0 if len(found) > 1 else 6.5, 4.8) as figure:
+        for axes, (name, rows) in zip(figure.subplots(1, len(found), squeeze=False)[0], found.items(), strict=True):
+            output, known = OUTPUTS[name], table["baseline"][name]["mean"]
+            for place, row in enumerate(rows):
+                size, half = output.scale * row["mu_star"], output.scale * row["mu_star_conf"]
+                axes.barh(place, size, height=0.72, **_look(row["group"]))
+                axes.plot([max(size - half, 0.0), size + half], [place, place], color="black", linewidth=1.0)
+                axes.plot(output.scale * abs(row["mu"]), place, marker="D", markersize=4.0, color="black",
+                          markerfacecolor="white", linestyle="")
+            _name_bars(axes, rows)
+            baseline = "–" if known is None else f"{output.form.format(output.scale * known)} {output.unit}"
+            label(axes, x=f"effect mu* ({output.unit})", y="factor", title=f"{output.name}: {baseline}")
+        present = {row["group"] for rows in found.values() for row in rows}
         handles: list[Any] = [Patch(label=group, **_look(group)) for group in GROUPS if group in present]
         handles += [Line2D([], [], color="black", marker="D", linestyle="", markersize=4.5, markerfacecolor="white",
                            label="size of the mean effect, signs kept"),
                     Line2D([], [], color="black", linewidth=1.0, label="95 % bootstrap interval")]
         figure.legend(handles=handles, loc="outside lower center", ncols=4)
-        if table["synthetic"]:
-            figure.suptitle("SYNTHETIC trials, not recorded", x=0.01, ha="left", fontsize=11)
+        say_synthetic(figure, table, "trials")
     return figure
-
-
-def _screening_panel(axes: Axes, table: Mapping[str, Any], name: str) -> None:
-    output, rows, known = OUTPUTS[name], _top(table["morris"][name], "mu_star", MOST), table["baseline"][name]["mean"]
-    places = np.arange(len(rows))
-    for place, row in zip(places, rows, strict=True):
-        size = output.scale * row["mu_star"]
-        axes.barh(place, size, height=0.72, **_look(row["group"]))
-        spread = output.scale * row["mu_star_conf"]
-        axes.plot([max(size - spread, 0.0), size + spread], [place, place], color="black", linewidth=1.0)
-        axes.plot(output.scale * abs(row["mu"]), place, marker="D", markersize=4.0, color="black",
-                  markerfacecolor="white", linestyle="")
-    axes.set_yticks(places, [row["name"] for row in rows], fontsize=8.0)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_xlim(left=0.0)
-    axes.grid(False, axis="y")
-    baseline = "–" if known is None else f"{output.form.format(output.scale * known)} {output.unit}"
-    label(axes, x=f"effect mu* ({output.unit})", y="factor", title=f"{output.name}: {baseline}")

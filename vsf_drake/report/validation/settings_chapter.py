@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MARKERS, NEUTRAL, condition_colour, drawing, label
+from vsf_drake.report.style import MARKERS, NEUTRAL, drawing, label
+from vsf_drake.report.validation.figures import Arrays, Row, colour_of
 
 TITLE = "Can two settings be told apart?"
 SHOWN = ("resultant_first_bw", "resultant_second_bw", "vertical_trough_bw", "propulsion_bw", "cop_mid_stance_fl",
@@ -20,13 +21,14 @@ SHOWN = ("resultant_first_bw", "resultant_second_bw", "vertical_trough_bw", "pro
 DESIGNS = {"same_recording": "same recording", "same_session": "two recordings, one session",
            "two_sessions": "two sessions"}
 _SHADES = {"two_sessions": "0.93", "same_session": "0.84", "same_recording": "0.70"}
-_TOLD, _LESS, _UNKNOWN = "0.25", "0.93", "white"
+_FACES = {True: "0.25", False: "0.93", None: "white"}
+"""Told apart, not, and not known."""
 _DARK = ("black", "0.35", "0.6")
 _LIMIT = 1.96 * 2.0**0.5
 """A standard deviation of one estimate to the 95 % limit of the difference of two."""
 
 
-def settings_chapter(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Chapter:
+def settings_chapter(table: Row, arrays: Arrays) -> Chapter:
     """The answer, what the model predicts against what is detectable, and how that was found."""
     facts, figures = dict(table), {}
     if table["outcomes"]:
@@ -36,14 +38,14 @@ def settings_chapter(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Cha
     return Chapter(name="settings", title=TITLE, template="validation/settings.html.j2", facts=facts, figures=figures)
 
 
-def _facts(table: Mapping[str, Any]) -> dict[str, Any]:
+def _facts(table: Row) -> dict[str, Any]:
     """What the chapter's sentences need besides the table."""
     outcomes, places = table["outcomes"], table["positions_mm"]
     curves = [row for row in table["curves"] if row["curve"] == "resultant" and row["rms_difference"] is not None]
     near = [row["rms_difference"] for row in curves if places.index(row["to_mm"]) - places.index(row["from_mm"]) == 1]
-    known = any(row["sdd_same_recording"] is not None for row in outcomes)
-    changes = [(row, row["sdd_same_recording"] if row["sdd_same_recording"] is not None
-                else row["noise_sdd_same_recording"]) for row in outcomes if row["name"] in SHOWN]
+    known = any(_limited(row) for row in outcomes)
+    changes = [(row, row["sdd_same_recording" if _limited(row) else "noise_sdd_same_recording"])
+               for row in outcomes if row["name"] in SHOWN]
     reached, apart, two_estimates = [], [], []
     for design, title in DESIGNS.items():
         key = f"{'smallest' if known else 'noise'}_travel_mm_{design}"
@@ -71,7 +73,7 @@ def _facts(table: Mapping[str, Any]) -> dict[str, Any]:
                                "strides": said[row["beyond_strides"]]} for row in table["as_walked"]]}
 
 
-def poor_judge(pairs: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+def poor_judge(pairs: Sequence[Row]) -> Row | None:
     """Stored energy between the ends, if with the motion held it cannot tell them apart and is largest in between."""
     rows = [row for row in pairs if row["outcome"] == "energy_stored_j" and row["effect"] is not None]
     if not rows:
@@ -83,61 +85,61 @@ def poor_judge(pairs: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
     return ends if between and not told else None
 
 
-def _effect_figure(table: Mapping[str, Any], arrays: Mapping[str, Any]) -> Figure:
+def _limited(outcome: Row) -> bool:
+    """Whether the model's error in it is known: else limits are of noise alone."""
+    return outcome["sdd_same_recording"] is not None
+
+
+def _effect_figure(table: Row, arrays: Arrays) -> Figure:
     """Six outcomes over the fulcrum's position, each as a difference from the middle position."""
     positions = np.array(table["positions_mm"], dtype=float)
     middle = int(np.argmin(np.abs(positions - 0.5 * (positions[0] + positions[-1]))))
-    effects = np.array(arrays["effects"], dtype=float)
-    recorded = [trial["fulcrum_mm"] for trial in table["trials"]]
+    outcomes, recorded = {row["name"]: row for row in table["outcomes"]}, [x["fulcrum_mm"] for x in table["trials"]]
     with drawing(10.6, 6.4) as figure:
         for axes, name in zip(figure.subplots(2, 3, sharex=True).ravel(), SHOWN, strict=True):
-            row = next(row for row in table["outcomes"] if row["name"] == name)
-            column = table["names"].index(name)
-            known = row["sdd_same_recording"] is not None
-            _bands(axes, table["pairs"], name, positions, middle, "" if known else "noise_")
-            change = effects[:, :, column] - effects[:, middle:middle + 1, column]
+            row, effects = outcomes[name], arrays["effects"][:, :, table["names"].index(name)]
+            _bands(axes, [pair for pair in table["pairs"] if pair["outcome"] == name], positions[middle],
+                   "" if _limited(row) else "noise_")
+            change = effects - effects[:, middle:middle + 1]
             for values, at in zip(change, recorded, strict=True):
-                axes.plot(positions, values, color=condition_colour(1e-3 * at), linewidth=1.0)
+                axes.plot(positions, values, color=colour_of(at), linewidth=1.0)
             axes.plot(positions, np.nanmean(change, axis=0), color="black", linewidth=2.2, marker="o", markersize=4.5)
             axes.axhline(0.0, color="0.4", linewidth=0.8)
             axes.set_xticks(positions)
             label(axes, x="fulcrum from the keel's end (mm)",
                   y=f"difference from {positions[middle]:g} mm ({row['unit']})",
-                  title=row["title"] + ("" if known else ": noise alone"))
-        settings = sorted(set(recorded))
-        handles = [Patch(facecolor=_SHADES[d], edgecolor="0.6", label=f"not detectable: {DESIGNS[d]}")
-                   for d in reversed(_SHADES)]
+                  title=row["title"] + ("" if _limited(row) else ": noise alone"))
+        handles: list[Any] = [Patch(facecolor=_SHADES[d], edgecolor="0.6", label=f"not detectable: {DESIGNS[d]}")
+                              for d in reversed(_SHADES)]
         handles += [Line2D([], [], color="black", linewidth=2.2, marker=MARKERS[0], markersize=4.5,
                            label="mean of the trials"),
-                    *(Line2D([], [], color=condition_colour(1e-3 * x), label=f"trials recorded at {x:g} mm")
-                      for x in settings)]
+                    *(Line2D([], [], color=colour_of(x), label=f"trials recorded at {x:g} mm")
+                      for x in sorted(set(recorded)))]
         figure.legend(handles=handles, loc="outside lower center", ncols=4)
         figure.suptitle(("SYNTHETIC trials. " if table["synthetic"] else "")
                         + "The same motion walked at every position of the fulcrum", x=0.01, ha="left", fontsize=10.5)
     return figure
 
 
-def _bands(axes: Axes, pairs: Sequence[Mapping[str, Any]], name: str, positions: np.ndarray, middle: int,
-           prefix: str) -> None:
-    own = [row for row in pairs if row["outcome"] == name]
-    here = positions[middle]
+def _bands(axes: Axes, pairs: Sequence[Row], here: float, prefix: str) -> None:
+    """What is not detectable from the position `here`, to both sides; next to it as at its neighbour."""
     for design, shade in _SHADES.items():
-        found = {row["to_mm"] if row["from_mm"] == here else row["from_mm"]: row[f"{prefix}sdd_{design}"]
-                 for row in own if here in (row["from_mm"], row["to_mm"])}
-        known = [(x, limit) for x, limit in sorted(found.items()) if limit is not None]
-        if len(known) < len(found):
+        limits = {row["to_mm"] if row["from_mm"] == here else row["from_mm"]: row[f"{prefix}sdd_{design}"]
+                  for row in pairs if here in (row["from_mm"], row["to_mm"])}
+        if None in limits.values():
             continue
-        for side in ([item for item in known if item[0] < here], [item for item in known if item[0] > here]):
-            x = np.array([at for at, _ in side])
-            limit = np.array([value for _, value in side])
-            near = np.argmin(np.abs(x - here))
-            at = np.append(x, here)
-            wide = np.append(limit, limit[near])
-            order = np.argsort(at)
-            axes.fill_between(at[order], -wide[order], wide[order], color=shade, linewidth=0.0, zorder=0)
+        low, high = (sorted(x for x in limits if (x > here) == ahead) for ahead in (False, True))
+        for x, near in ((low, low[-1:]), (high, high[:1])):
+            at = np.array(sorted([*x, here]))
+            wide = np.array([limits[near[0] if place == here else place] for place in at])
+            axes.fill_between(at, -wide, wide, color=shade, linewidth=0.0, zorder=0)
 
 
-def _pairs_figure(table: Mapping[str, Any]) -> Figure:
+def _name_outcomes(axes: Axes, rows: Sequence[Row]) -> None:
+    axes.set_yticks(range(len(rows)), [row["title"] + ("" if _limited(row) else " (noise alone)") for row in rows])
+
+
+def _pairs_figure(table: Row) -> Figure:
     """One panel a design; dark cells are told apart, with the effect over the limit in each."""
     rows, rank = table["outcomes"], table["positions_mm"].index
     pairs = sorted({(row["from_mm"], row["to_mm"]) for row in table["pairs"]},
@@ -146,56 +148,49 @@ def _pairs_figure(table: Mapping[str, Any]) -> Figure:
     with drawing(11.0, 1.7 + 0.27 * len(rows)) as figure:
         for axes, (design, title) in zip(figure.subplots(1, 3, sharey=True), DESIGNS.items(), strict=True):
             for i, outcome in enumerate(rows):
-                prefix = "" if outcome["sdd_same_recording"] is not None else "noise_"
+                prefix = "" if _limited(outcome) else "noise_"
                 for j, pair in enumerate(pairs):
                     row = found[(outcome["name"], *pair)]
-                    apart, limit = row[f"{prefix}told_apart_{design}"], row[f"{prefix}sdd_{design}"]
-                    face = _UNKNOWN if apart is None else _TOLD if apart else _LESS
-                    axes.add_patch(Rectangle((j - 0.47, i - 0.45), 0.94, 0.9, facecolor=face, edgecolor="0.7",
+                    apart = row[f"{prefix}told_apart_{design}"]
+                    axes.add_patch(Rectangle((j - 0.47, i - 0.45), 0.94, 0.9, facecolor=_FACES[apart], edgecolor="0.7",
                                              linewidth=0.5))
-                    over = abs(row["effect"]) / limit if apart is not None else 0.0
+                    over = 0.0 if apart is None else abs(row["effect"]) / row[f"{prefix}sdd_{design}"]
                     text = "–" if apart is None else f"{over:.{1 if over < 9.95 else 0}f}"
                     axes.text(j, i, text, ha="center", va="center", fontsize=6.5, color="white" if apart else "black")
             axes.set_xlim(-0.6, len(pairs) - 0.4)
             axes.set_ylim(len(rows) - 0.4, -0.6)
             axes.set_xticks(range(len(pairs)), [f"{a:g}–{b:g}" for a, b in pairs], rotation=90, fontsize=7.5)
-            axes.set_yticks(range(len(rows)), [
-                row["title"] + ("" if row["sdd_same_recording"] is not None else " (noise alone)") for row in rows])
+            _name_outcomes(axes, rows)
             axes.grid(False)
             axes.tick_params(length=0)
             label(axes, x="pair of positions (mm)", y="", title=title[0].upper() + title[1:])
         figure.axes[0].set_ylabel("outcome; in the cells: effect over limit (1)")
-        handles = [Patch(facecolor=_TOLD, edgecolor="0.7", label="told apart"),
-                   Patch(facecolor=_LESS, edgecolor="0.7", label="not told apart")]
+        handles = [Patch(facecolor=_FACES[apart], edgecolor="0.7", label=text)
+                   for apart, text in ((True, "told apart"), (False, "not told apart"))]
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
     return figure
 
 
-def _travel_figure(table: Mapping[str, Any]) -> Figure:
+def _travel_figure(table: Row) -> Figure:
     """The smallest detectable travel of the fulcrum by outcome and design."""
     rows, reach = table["outcomes"], table["positions_mm"][-1] - table["positions_mm"][0]
-    known = any(row["sdd_same_recording"] is not None for row in rows)
-    designs = {d: title for d, title in DESIGNS.items() if known or d != "same_recording"}
-    beyond = 1.08 * reach
     with drawing(9.6, 1.5 + 0.27 * len(rows)) as figure:
         axes = figure.subplots()
         axes.axvspan(reach, 1.16 * reach, color="0.93", zorder=0)
         handles = []
-        for design, title in designs.items():
-            k = list(DESIGNS).index(design)
-            style_of: dict[str, Any] = {"marker": MARKERS[k], "color": _DARK[k], "linestyle": "", "markersize": 6.5}
-            for i, row in enumerate(rows):
-                limited = row["sdd_same_recording"] is not None
-                if not limited and design == "same_recording":
-                    continue
-                travel = row[f"{'smallest' if limited else 'noise'}_travel_mm_{design}"]
-                axes.plot(beyond if travel is None else travel, i + 0.22 * (k - 1), clip_on=False,
-                          markerfacecolor=_DARK[k] if travel is not None else "white", **style_of)
-            handles.append(Line2D([], [], label=title, **style_of))
+        for k, (design, title) in enumerate(DESIGNS.items()):
+            own = [(i, row) for i, row in enumerate(rows) if _limited(row) or design != "same_recording"]
+            if not own:
+                continue
+            look: dict[str, Any] = {"marker": MARKERS[k], "color": _DARK[k], "linestyle": "", "markersize": 6.5}
+            for i, row in own:
+                travel = row[f"{'smallest' if _limited(row) else 'noise'}_travel_mm_{design}"]
+                axes.plot(1.08 * reach if travel is None else travel, i + 0.22 * (k - 1), clip_on=False,
+                          markerfacecolor=_DARK[k] if travel is not None else "white", **look)
+            handles.append(Line2D([], [], label=title, **look))
         handles.append(Line2D([], [], color=NEUTRAL, markerfacecolor="white", marker="o", linestyle="",
                               label="more than the range"))
-        axes.set_yticks(range(len(rows)), [
-            row["title"] + ("" if row["sdd_same_recording"] is not None else " (noise alone)") for row in rows])
+        _name_outcomes(axes, rows)
         axes.set_ylim(len(rows) - 0.5, -0.5)
         axes.set_xlim(0.0, 1.16 * reach)
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,8 @@ from matplotlib.patches import Patch
 
 from vsf_drake.report.fit_figures import fit_sweep_figure
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MEASURED, NEUTRAL, SIMULATED, condition_colour, drawing, label
+from vsf_drake.report.style import MEASURED, NEUTRAL, SIMULATED, drawing, label
+from vsf_drake.report.validation.figures import Arrays, Row, colour_of, say_synthetic
 
 _ACROSS = 3
 """Conditions side by side in a figure."""
@@ -31,8 +32,9 @@ _NAMES = {
     "cop": ("centre of pressure, fore-aft", "centre of pressure,\nahead of the plate's\nrearmost (foot lengths)"),
     "free_moment": ("free moment (up +)", "free moment\n(N m)")}
 """Quantities by key: how a sentence calls them, and the label of their axis."""
-Row = Mapping[str, Any]
-Arrays = Mapping[str, np.ndarray]
+_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)))
+_MOST_NAMED = 24
+"""Walks that an axis has room to name."""
 
 
 def walking_chapter(table: Row, arrays: Arrays) -> Chapter:
@@ -110,22 +112,16 @@ def _condition_rows(table: Row) -> Iterable[dict[str, Any]]:
             yield {"setting": name, "source": "paper", "n": None, **condition["paper"]}
 
 
-def _extremes(
-    table: Row, arrays: Arrays, quantities: Sequence[str], groups: Sequence[int]
-) -> Iterable[dict[str, Any]]:
+def _extremes(table: Row, arrays: Arrays, quantities: Sequence[str], groups: Sequence[int]) -> Iterable[dict[str, Any]]:
     """The extreme of each measured curve, and where plate and model are furthest apart."""
-    for group in groups:
-        for quantity in quantities:
-            if not _has_curves(arrays, group, quantity):
-                continue
-            measured, model = (np.asarray(arrays[f"group_{group}_{quantity}_{side}_mean"], dtype=float)
-                               for side in ("measured", "model"))
-            known = np.flatnonzero(np.isfinite(measured) & np.isfinite(model))
-            if known.size:
-                at = int(known[np.argmax(np.abs(model - measured)[known])])
-                yield {"heading": _heading(table["conditions"][group]), "name": _NAMES[quantity][0],
-                       "unit": table["units"][quantity], "percent": at, "difference": model[at] - measured[at],
-                       "peak": measured[known][np.argmax(np.abs(measured[known]))]}
+    for group, quantity in ((g, q) for g in groups for q in quantities if _has_curves(arrays, g, q)):
+        measured, model = (arrays[f"group_{group}_{quantity}_{side}_mean"] for side in ("measured", "model"))
+        known = np.flatnonzero(np.isfinite(measured) & np.isfinite(model))
+        if known.size:
+            at = int(known[np.argmax(np.abs(model - measured)[known])])
+            yield {"heading": _heading(table["conditions"][group]), "name": _NAMES[quantity][0],
+                   "unit": table["units"][quantity], "percent": at, "difference": model[at] - measured[at],
+                   "peak": measured[known][np.argmax(np.abs(measured[known]))]}
 
 
 def _main_group(table: Row) -> int | str:
@@ -142,17 +138,12 @@ def _heading(condition: Row) -> str:
 def _has_curves(arrays: Arrays, group: int | str, quantity: str) -> bool:
     """Whether there is anything to draw of a quantity in a group."""
     curve = arrays.get(f"group_{group}_{quantity}_measured_mean")
-    return curve is not None and bool(np.isfinite(np.asarray(curve, dtype=float)).any())
-
-
-# Where on the curve model and plate differ: mean differences over stance, with the regions that the test found.
-
-
-_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)))
+    return curve is not None and bool(np.isfinite(curve).any())
 
 
 def _difference_figure(table: Row, arrays: Arrays) -> Figure:
-    """A panel a quantity: conditions in colour, all walks black with their band, regions marked below."""
+    """Where on the curve model and plate differ: a panel a quantity, conditions in colour, all walks black with their
+    band, and below the regions that the test found."""
     group = _main_group(table)
     shown = [name for name in _NAMES if _has_curves(arrays, group, name)]
     down = -(-len(shown) // 2)
@@ -166,72 +157,69 @@ def _difference_figure(table: Row, arrays: Arrays) -> Figure:
             axes.set_xlabel("measured stance (%)")
             axes.tick_params(labelbottom=True)
         panels[0].set_xlim(0.0, 100.0)
-        handles = _handles(table, group)
         if len(shown) % 2:
-            panels[len(shown)].legend(handles=handles, loc="center")
+            panels[len(shown)].legend(handles=_handles(table, group), loc="center")
         else:
-            figure.legend(handles=handles, loc="outside lower center", ncols=3)
-        if table["synthetic"]:
-            figure.suptitle("SYNTHETIC walks, not recorded", x=0.01, ha="left", fontsize=11)
+            figure.legend(handles=_handles(table, group), loc="outside lower center", ncols=3)
+        say_synthetic(figure, table, "walks")
     return figure
 
 
 def _panel(axes: Axes, table: Row, arrays: Arrays, name: str, group: Any) -> None:
     own = next(d for d in table["differences"] if d["group"] == group and d["quantity"] == name)
-    curve = {key: np.asarray(arrays[f"group_{group}_{name}_difference_{key}"], dtype=float)
-             for key in ("mean", "low", "high")}
+    mean, low, high = (arrays[f"group_{group}_{name}_difference_{key}"] for key in ("mean", "low", "high"))
     axes.axhline(0.0, color="0.6", linewidth=0.8)
     for region in own["regions"]:
-        axes.axvspan(region["start_percent"], region["end_percent"], color="0.88", linewidth=0.0, zorder=0)
-        axes.plot([region["start_percent"], region["end_percent"]], [0.02, 0.02], color="0.1", linewidth=4.0,
-                  solid_capstyle="butt", transform=axes.get_xaxis_transform())
-    axes.fill_between(_PERCENT, curve["low"], curve["high"], color=NEUTRAL, alpha=0.35, linewidth=0.0)
-    if group == "all":
-        for i, condition in enumerate(table["conditions"]):
-            if _has_curves(arrays, i, name):
-                axes.plot(_PERCENT, np.asarray(arrays[f"group_{i}_{name}_difference_mean"], dtype=float), linewidth=1.3,
-                          color=condition_colour(1e-3 * condition["fulcrum_mm"]), linestyle=_LINES[i % len(_LINES)])
-    axes.plot(_PERCENT, curve["mean"], color="black", linewidth=2.0)
+        ends = region["start_percent"], region["end_percent"]
+        axes.axvspan(*ends, color="0.88", linewidth=0.0, zorder=0)
+        axes.plot(ends, [0.02, 0.02], color="0.1", linewidth=4.0, solid_capstyle="butt",
+                  transform=axes.get_xaxis_transform())
+    axes.fill_between(_PERCENT, low, high, color=NEUTRAL, alpha=0.35, linewidth=0.0)
+    for i, condition in enumerate(table["conditions"] if group == "all" else ()):
+        if _has_curves(arrays, i, name):
+            axes.plot(_PERCENT, arrays[f"group_{i}_{name}_difference_mean"], linewidth=1.3,
+                      color=colour_of(condition["fulcrum_mm"]), linestyle=_LINES[i % len(_LINES)])
+    axes.plot(_PERCENT, mean, color="black", linewidth=2.0)
     title = _NAMES[name][0]
     label(axes, x="", y=f"model less plate ({table['units'][name]})", title=title[0].upper() + title[1:])
 
 
 def _handles(table: Row, group: Any) -> list[Artist]:
-    count = max((d["n"] for d in table["differences"] if d["group"] == group), default=0)
     own = [d for d in table["differences"] if d["group"] == group]
+    count = max((d["n"] for d in own), default=0)
     found: list[Artist] = [Line2D([], [], color="black", linewidth=2.0,
                                   label=f"mean of {count} walk{'s' * (count != 1)}")]
     if any(d["method"] for d in own):
         found.append(Patch(facecolor=NEUTRAL, alpha=0.4, label="its pointwise 95 % bootstrap band"))
         found.append(Line2D([], [], color="0.1", linewidth=4.0, label="they differ (α = 0.05)"))
-    if group == "all":
-        found += [Line2D([], [], color=condition_colour(1e-3 * c["fulcrum_mm"]), linestyle=_LINES[i % len(_LINES)],
-                         linewidth=1.3, label=f"fulcrum {c['fulcrum_mm']:g} mm")
-                  for i, c in enumerate(table["conditions"])]
-    return found
+    return found + [Line2D([], [], color=colour_of(c["fulcrum_mm"]), linestyle=_LINES[i % len(_LINES)],
+                           linewidth=1.3, label=f"fulcrum {c['fulcrum_mm']:g} mm")
+                    for i, c in enumerate(table["conditions"] if group == "all" else ())]
 
 
-# Curves over stance per condition, as in the paper's Figures 5 to 7: experiment solid, simulation dashed.
-
-
-def _ensemble_figure(
-    table: Row, arrays: Arrays, quantities: Sequence[str], conditions: Sequence[int]
-) -> Figure:
-    """A row a quantity, a column a condition (indices in `table["conditions"]`); both must be among the arrays."""
+def _ensemble_figure(table: Row, arrays: Arrays, quantities: Sequence[str], conditions: Sequence[int]) -> Figure:
+    """Curves over stance, experiment solid and simulation dashed, as in the paper's Figures 5 to 7: a row a quantity, a
+    column a condition (indices in `table["conditions"]`); both must be among the arrays."""
     with drawing(10.5 if len(conditions) > 1 else 6.0, 0.7 + 2.1 * len(quantities)) as figure:
         panels = figure.subplots(len(quantities), len(conditions), sharex=True, sharey="row", squeeze=False)
         bands = False
         for column, group in enumerate(conditions):
             condition = table["conditions"][group]
             for row, name in enumerate(quantities):
-                axes = panels[row, column]
-                bands |= _draw(axes, arrays, f"group_{group}_{name}", condition_colour(1e-3 * condition["fulcrum_mm"]))
-                n = _count(table, group, name)
-                head = f"{_heading(condition)}, {n} walk{'s' * (n != 1)}" if row == 0 else ""
-                label(axes, x="measured stance (%)" if row == len(quantities) - 1 else "",
-                      y=_NAMES[name][1] if column == 0 else "", title=head)
+                bands |= _draw(panels[row, column], arrays, f"group_{group}_{name}", colour_of(condition["fulcrum_mm"]))
+                n = next((len(d["labels"]) for d in table["differences"]
+                          if d["group"] == group and d["quantity"] == name), 0)
+                label(panels[row, column], x="measured stance (%)" if row == len(quantities) - 1 else "",
+                      y=_NAMES[name][1] if column == 0 else "",
+                      title=f"{_heading(condition)}, {n} walk{'s' * (n != 1)}" if row == 0 else "")
         panels[0, 0].set_xlim(0.0, 100.0)
-        figure.legend(handles=_ensemble_handles(table["synthetic"], bands), loc="outside lower center", ncols=4)
+        plate = "plate (SYNTHETIC)" if table["synthetic"] else "plate"
+        handles: list[Artist] = [Line2D([], [], color=NEUTRAL, label=f"{plate}, mean", **MEASURED),
+                                 Line2D([], [], color="0.2", label="simulated, mean", **SIMULATED)]
+        if bands:
+            handles += [Patch(facecolor=NEUTRAL, alpha=0.3, linewidth=0.0, label=f"{plate}, ± SD"),
+                        Line2D([], [], color="0.2", linewidth=0.8, linestyle=":", label="simulated, ± SD")]
+        figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure
 
 
@@ -241,50 +229,30 @@ def _draw(axes: Axes, arrays: Arrays, key: str, colour: Any) -> bool:
     if f"{key}_measured_mean" not in arrays:
         axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", color="0.35")
         return False
-    found = {name: np.asarray(arrays[f"{key}_{name}"], dtype=float)
-             for name in ("measured_mean", "measured_sd", "model_mean", "model_sd")}
-    band = bool(np.isfinite(found["measured_sd"]).any())
+    measured, measured_sd, model, model_sd = (arrays[f"{key}_{name}"] for name in (
+        "measured_mean", "measured_sd", "model_mean", "model_sd"))
+    band = bool(np.isfinite(measured_sd).any())
     if band:
-        low, high = (found["measured_mean"] + sign * found["measured_sd"] for sign in (-1.0, 1.0))
-        axes.fill_between(_PERCENT, low, high, color=colour, alpha=0.22, linewidth=0.0)
+        axes.fill_between(_PERCENT, measured - measured_sd, measured + measured_sd, color=colour, alpha=0.22,
+                          linewidth=0.0)
         for sign in (-1.0, 1.0):
-            axes.plot(_PERCENT, found["model_mean"] + sign * found["model_sd"], color=colour, linewidth=0.8,
-                      linestyle=":")
-    axes.plot(_PERCENT, found["measured_mean"], color=colour, **MEASURED)
-    axes.plot(_PERCENT, found["model_mean"], color=colour, **SIMULATED)
+            axes.plot(_PERCENT, model + sign * model_sd, color=colour, linewidth=0.8, linestyle=":")
+    axes.plot(_PERCENT, measured, color=colour, **MEASURED)
+    axes.plot(_PERCENT, model, color=colour, **SIMULATED)
     return band
 
 
-def _count(table: Row, group: int, name: str) -> int:
-    return next((len(d["labels"]) for d in table["differences"] if d["group"] == group and d["quantity"] == name), 0)
-
-
-def _ensemble_handles(synthetic: bool, bands: bool) -> list[Artist]:
-    measured = "plate (SYNTHETIC)" if synthetic else "plate"
-    found: list[Artist] = [Line2D([], [], color=NEUTRAL, label=f"{measured}, mean", **MEASURED),
-                           Line2D([], [], color="0.2", label="simulated, mean", **SIMULATED)]
-    if bands:
-        found += [Patch(facecolor=NEUTRAL, alpha=0.3, linewidth=0.0, label=f"{measured}, ± SD"),
-                  Line2D([], [], color="0.2", linewidth=0.8, linestyle=":", label="simulated, ± SD")]
-    return found
-
-
-# Errors of every walk beside the null model and the paper's errors.
-
-
-_MOST_NAMED = 24
-"""Walks that the axis has room to name."""
-
-
 def walk_errors_figure(table: Row) -> Figure:
-    """Resultant, centre of pressure, impulse and times; a place on the axis a walk, by fulcrum position."""
+    """Errors of every walk beside the null model and the paper's: resultant, centre of pressure, impulse and times; a
+    place on the axis a walk, by fulcrum position."""
     rows: Sequence[Row] = table["rows"]
-    paper = table["paper"]
     with drawing(10.5, 6.6) as figure:
         panels = figure.subplots(2, 2, sharex=True)
-        _errors(panels[0, 0], rows, "grf_rmse_bw", 100.0)
-        _errors(panels[0, 1], rows, "cop_rmse_fl", 100.0)
-        _errors(panels[1, 0], rows, "impulse_rmse_bws", 1.0)
+        for axes, key, scale in ((panels[0, 0], "grf_rmse_bw", 100.0), (panels[0, 1], "cop_rmse_fl", 100.0),
+                                 (panels[1, 0], "impulse_rmse_bws", 1.0)):
+            _marks(axes, rows, key, scale, marker="o", markersize=7, markeredgewidth=1.5)
+            if all(row[key] is None for row in rows):
+                axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", color="0.35")
         for place, row in enumerate(rows):
             if row["null_model_grf_rmse_bw"] is not None:
                 panels[0, 0].plot(place, 100.0 * row["null_model_grf_rmse_bw"], marker="x", color="0.1", markersize=6)
@@ -294,50 +262,34 @@ def walk_errors_figure(table: Row) -> Figure:
                 if condition["paper"]:
                     level = 100.0 * condition["paper"][key]
                     axes.plot([own[0] - 0.4, own[-1] + 0.4], [level, level], color=NEUTRAL, linewidth=2.2, alpha=0.7)
-        panels[1, 0].axhspan(*paper["impulse_rmse_bws"], color=NEUTRAL, alpha=0.2, linewidth=0.0)
-        _times(panels[1, 1], rows)
+        panels[1, 0].axhspan(*table["paper"]["impulse_rmse_bws"], color=NEUTRAL, alpha=0.2, linewidth=0.0)
+        panels[1, 1].axhline(0.0, color="0.75", linewidth=0.7)
+        for key, marker, shift in (("heel_strike_error_s", "v", -0.18), ("toe_off_error_s", "^", 0.0),
+                                   ("stance_error_s", "s", 0.18)):
+            _marks(panels[1, 1], rows, key, 1e3, shift=shift, marker=marker, markersize=6)
         label(panels[0, 0], x="", y="RMS error (% BW)", title="Resultant force")
         label(panels[0, 1], x="", y="RMS error (% foot length)", title="Centre of pressure, fore-aft")
         label(panels[1, 0], x="walk", y="RMS error (BW s)", title="Impulse of the resultant")
         label(panels[1, 1], x="walk", y="model less plate (ms)", title="Times (late +)")
-        named = len(rows) <= _MOST_NAMED
         for axes in panels.ravel():
             axes.set_xlim(-0.6, len(rows) - 0.4)
         for axes in panels[1]:
-            axes.set_xticks(range(len(rows)), [row["label"] if named else "" for row in rows],
+            axes.set_xticks(range(len(rows)), [row["label"] if len(rows) <= _MOST_NAMED else "" for row in rows],
                             rotation=35 if len(rows) > 3 else 0, ha="right" if len(rows) > 3 else "center")
         for axes in panels.ravel()[:3]:
             axes.set_ylim(bottom=-0.03 * axes.get_ylim()[1])
         figure.legend(handles=_error_handles(table), loc="outside lower center", ncols=4)
-        if table["synthetic"]:
-            figure.suptitle("SYNTHETIC walks, not recorded", x=0.01, ha="left", fontsize=11)
+        say_synthetic(figure, table, "walks")
     return figure
 
 
-def _errors(axes: Axes, rows: Sequence[Row], key: str, scale: float) -> None:
+def _marks(axes: Axes, rows: Sequence[Row], key: str, scale: float, *, shift: float = 0.0, **look: Any) -> None:
+    """A mark a walk, open for what the fit has not seen."""
     for place, row in enumerate(rows):
         if row[key] is not None:
-            colour = condition_colour(1e-3 * row["fulcrum_mm"])
-            axes.plot(place, scale * row[key], marker="o", markersize=7, color=colour, markeredgewidth=1.5,
-                      markerfacecolor=_fill(row, colour))
-    if all(row[key] is None for row in rows):
-        axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", color="0.35")
-
-
-def _times(axes: Axes, rows: Sequence[Row]) -> None:
-    axes.axhline(0.0, color="0.75", linewidth=0.7)
-    for place, row in enumerate(rows):
-        colour = condition_colour(1e-3 * row["fulcrum_mm"])
-        for key, marker, shift in (("heel_strike_error_s", "v", -0.18), ("toe_off_error_s", "^", 0.0),
-                                   ("stance_error_s", "s", 0.18)):
-            if row[key] is not None:
-                axes.plot(place + shift, 1e3 * row[key], marker=marker, markersize=6, color=colour,
-                          markerfacecolor=_fill(row, colour))
-
-
-def _fill(row: Row, colour: Any) -> Any:
-    """Open for what the fit has not seen."""
-    return "white" if row["role"] == "held out" else colour
+            colour = colour_of(row["fulcrum_mm"])
+            axes.plot(place + shift, scale * row[key], color=colour,
+                      markerfacecolor="white" if row["role"] == "held out" else colour, **look)
 
 
 def _error_handles(table: Row) -> list[Artist]:
