@@ -97,7 +97,7 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: Frames) -> Meshca
     context = plant.CreateDefaultContext()
     set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
               alignment=offsets.alignment_rad)
-    animation = MeshcatAnimation(1.0 / frames.step_s)
+    animation = MeshcatAnimation(frames.rate_hz)
     for i, q in enumerate(frames.q):
         plant.SetPositions(context, q[order])
         for name, body in bodies.items():
@@ -193,7 +193,7 @@ class ForceFrames:
 class Frames:
     """A walk in f frames; the force on the prosthetic foot and, if there is a plate, the plate's."""
 
-    step_s: float
+    rate_hz: float
     time_s: np.ndarray  # (f,) the clock of the recording
     q: np.ndarray  # (f, m) coordinates in the order of the result's `coordinate_names`
     sphere_load: np.ndarray  # (f, N) normal force on each sphere, 0 (none) to 1 (FULL_COLOUR_BW and more)
@@ -210,7 +210,7 @@ def make_frames(result: WalkResult, *, plate: PlateRecording | None, rate_hz: fl
     time = start + np.arange(math.floor((end - start) * rate_hz + 1e-6) + 1) / rate_hz
     load = resample(time, result.time_s, result.sphere_normal_n) / (FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg)
     return Frames(
-        step_s=1.0 / rate_hz, time_s=time, q=resample(time, result.time_s, result.q),
+        rate_hz=rate_hz, time_s=time, q=resample(time, result.time_s, result.q),
         sphere_load=np.clip(load, 0.0, 1.0),
         predicted=_force_frames(time, result.time_s, result.grf_W, result.cop_W),
         measured=None if plate is None else _force_frames(time, plate.time_s, plate.force_W, plate.cop_W))

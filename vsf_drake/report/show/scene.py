@@ -32,16 +32,17 @@ _PLATEN_THICKNESS_M = 0.010
 _CAMERAS = {"foot": ((0.45, -0.50, 0.30), (0.08, 0.0, 0.04)), "bench": ((0.40, -0.55, 0.15), (0.05, 0.0, -0.05)),
             "person": ((2.3, -2.8, 1.3), (0.0, 0.0, 0.68))}
 """Where the camera stands and what it looks at in W (m)."""
-_DEGREE, _MILLIMETRE = math.pi / 180.0, 1e-3
-_REACH_DEG = {
-    "pelvis_tilt": (-45, 45), "pelvis_list": (-30, 30), "pelvis_rotation": (-90, 90), "hip_flexion": (-30, 120),
-    "hip_adduction": (-45, 45), "hip_rotation": (-45, 45), "knee_angle": (-10, 140), "knee_adduction": (-20, 20),
-    "knee_rotation": (-30, 30), "ankle_angle": (-50, 30), "ankle_adduction": (-30, 30), "ankle_rotation": (-30, 30),
-    "socket_flexion": (-15, 15), "socket_adduction": (-15, 15), "socket_rotation": (-15, 15),
-}
+_SI = {"N": 1.0, "m": 1.0, "mm": 1e-3, "°": math.pi / 180.0, "° added": math.pi / 180.0}
+_STEPS = {"m": 1e-4, "mm": 0.1, "°": 0.5}
+_REACH = {kind: ("°", low, high) for kind, low, high in (
+    ("pelvis_tilt", -45, 45), ("pelvis_list", -30, 30), ("pelvis_rotation", -90, 90), ("hip_flexion", -30, 120),
+    ("hip_adduction", -45, 45), ("hip_rotation", -45, 45), ("knee_angle", -10, 140), ("knee_adduction", -20, 20),
+    ("knee_rotation", -30, 30), ("ankle_angle", -50, 30), ("ankle_adduction", -30, 30), ("ankle_rotation", -30, 30),
+    ("socket_flexion", -15, 15), ("socket_adduction", -15, 15), ("socket_rotation", -15, 15),
+)} | {"pelvis_tx": ("m", -1.0, 1.0), "pelvis_ty": ("m", 0.0, 1.5), "pelvis_tz": ("m", -0.5, 0.5)} | {
+    f"socket_t{axis}": ("mm", -30.0, 30.0) for axis in "xyz"}
 """The reach of a slider is a choice: enough to see what a coordinate does, and no limit of the model."""
-_REACH_M = {"pelvis_tx": (-1.0, 1.0), "pelvis_ty": (0.0, 1.5), "pelvis_tz": (-0.5, 0.5)}
-_SOCKET_REACH_MM, _KEEL_REACH_DEG = 30.0, 20.0
+_KEEL_REACH_DEG = 20.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,6 @@ class Control:
     high: float
     rest: float
     step: float
-    scale: float  # what makes SI of the unit
 
     @property
     def label(self) -> str:
@@ -129,7 +129,7 @@ class Scene:
 
         SimulationError where it finds no rest under this load; everything then stays where it was.
         """
-        si = {control.name: control.scale * values[control.name] for control in self.controls}
+        si = {control.name: _SI[control.unit] * values[control.name] for control in self.controls}
         load = si.pop(LOAD)
         shape = keel_shape(self.foot.parameters, fulcrum_m=si[FULCRUM], load_n=load)
         bent = dict(zip(self.foot.keel_joint_names, shape.angles, strict=True))
@@ -202,18 +202,13 @@ def _controls(foot: FootHandles, person: PersonHandles | None, keel_joints: bool
     """Sliders of the fulcrum, at rest in the middle of its range, of the load, and of every joint that moves freely."""
     fulcrum = foot.parameters.fulcrum
     low, high = 1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m
-    found = [Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5, _MILLIMETRE),
-             Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0, 1.0)]
+    found = [Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5),
+             Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0)]
     if keel_joints:
-        found += [Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1, _DEGREE)
+        found += [Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1)
                   for name in foot.keel_joint_names]
     for name in () if person is None else (*person.coordinate_names, *person.socket.coordinate_names):
-        if name in _REACH_M:
-            rest = round(pelvis_height_m, 4) if name == "pelvis_ty" else 0.0
-            found.append(Control(name, "m", *_REACH_M[name], rest, 0.0001, 1.0))
-        elif name.startswith("socket_t"):
-            found.append(Control(name, "mm", -_SOCKET_REACH_MM, _SOCKET_REACH_MM, 0.0, 0.1, _MILLIMETRE))
-        else:
-            kind = name[:-2] if name.endswith(("_r", "_l")) else name
-            found.append(Control(name, "°", *_REACH_DEG[kind], 0.0, 0.5, _DEGREE))
+        unit, least, most = _REACH[name[:-2] if name.endswith(("_r", "_l")) else name]
+        rest = round(pelvis_height_m, 4) if name == "pelvis_ty" else 0.0
+        found.append(Control(name, unit, least, most, rest, _STEPS[unit]))
     return tuple(found)
