@@ -191,11 +191,9 @@ def test_rigid_sphere_rolls_on_an_arc_of_its_own_radius():
 
 def test_a_run_that_misses_its_profile_says_so():
     wanted = np.array([100.0, 200.0, 100.0])
-    mount = np.zeros((3, 3))
-    grf = np.column_stack([np.zeros(3), np.zeros(3), wanted])
 
     def following(off):
-        return Following.of(grf + np.array([0.0, 0.0, off]), mount, wanted, np.zeros(3), np.zeros(3))
+        return Following(wanted_n=wanted, force_n=wanted + off, height_m=np.zeros(3), deflection_m=np.zeros(3))
 
     assert following(1.9).follows
     assert not following(2.1).follows

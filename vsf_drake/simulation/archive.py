@@ -22,10 +22,8 @@ from vsf_drake.yaml_file import dump
 
 ARRAYS_FILE = "result.npz"
 SIDECAR_FILE = "result.yaml"
-RECORD_FILE = ".vsf_drake.json"
-"""What was written to a result folder: SHA-256 by path, by kind of result."""
-_KINDS = (".yaml", ".json", ".npz", ".html", ".mot", ".png", ".svg")
-"""Of files that tables name."""
+RECORD_FILE = ".vsf_drake.json"  # what was written to a result folder: SHA-256 by path, by kind of result
+_KINDS = (".yaml", ".json", ".npz", ".html", ".mot", ".png", ".svg")  # of files that tables name
 
 
 def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lambda out: False, *,

@@ -20,13 +20,11 @@ from vsf_drake.simulation.mechanism import bench_mechanism
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
-PUBLISHED_FULCRUMS_M = (0.066, 0.087, 0.108, 0.129, 0.151)
-"""The five settings of McGeehan et al. (2021)."""
+PUBLISHED_FULCRUMS_M = (0.066, 0.087, 0.108, 0.129, 0.151)  # the five settings of McGeehan et al. (2021)
 PUBLISHED_SPEED_M_PER_S = 0.050 / 60.0
 """50 mm/min, the same."""
 LARGEST_HEEL_DEPTH_M = 0.1
-STEPS_PER_MM = 40.0
-"""Resolution of the platen's path."""
+STEPS_PER_MM = 40.0  # resolution of the platen's path
 
 
 def advance_to_load(
@@ -183,13 +181,10 @@ def run_bench(
 # By a parameter p of the energy the angles change as the balance has it, E'' dq/dp = -d/dp E'.
 
 
-FIRST_STEP_N = 100.0
-"""Load that is put on at once (a choice)."""
-LEAST_STEP = 2.0**-12
-"""Of the whole load; a step that has been halved to less has failed."""
+FIRST_STEP_N = 100.0  # load that is put on at once (a choice)
+LEAST_STEP = 2.0**-12  # of the whole load; a step that has been halved to less has failed
 ITERATIONS = 25
-BALANCED = 1e-10
-"""Moment left in any joint, over the load's about A (plus a millionth of a newton metre)."""
+BALANCED = 1e-10  # moment left in any joint, over the load's about A (plus a millionth of a newton metre)
 
 
 @dataclass(frozen=True)
@@ -199,8 +194,7 @@ class KeelShape:
     angles: np.ndarray
     """(m,) rad, of the pin at A and the sprung joints, as in `FootHandles.keel_joint_names`; positive lifts the toe."""
     load_point_K: np.ndarray  # (2,) m, x and z of the load point C in K
-    support_force_n: float
-    """On the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up."""
+    support_force_n: float  # on the keel along z_K, as of `FulcrumSupport`: negative while the toe is pressed up
     rise_by: np.ndarray
     """(2,) derivatives of the load point's z by the keel's flexural modulus (m/Pa) and the fulcrum's stiffness (m^2/N).
     """

@@ -33,8 +33,7 @@ from vsf_drake.simulation.variables import check_number
 LARGEST_DEPTH_M = 1.0
 """Depth of a foam beyond which it bears nothing worth the name: far more than a foot is thick, so that a search
 may pass through feet that are much too soft."""
-ROUNDING = 1e-9
-"""Least depth over the platen's travel since the first sphere that leaves a stiffness its digits."""
+ROUNDING = 1e-9  # least depth over the platen's travel since the first sphere that leaves a stiffness its digits
 MOST_ITERATIONS = 100
 _WITHOUT_PART = ("friction.", "socket.", "offset.", "coordinate.", "course.")
 _LAW = {"stiffness": (1e-3, 1e30), "exponent": (1.0, 20.0), "rise": (-0.1, 0.1)}

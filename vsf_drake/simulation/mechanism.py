@@ -25,8 +25,7 @@ from vsf_drake.simulation.variables import Variable, check_number
 from vsf_drake.systems.foot_forces import FootForces
 
 UNLIMITED = 1e30
-LARGEST_KEEL_ANGLE = 1.0
-"""Turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)."""
+LARGEST_KEEL_ANGLE = 1.0  # turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)
 LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
 """Displacement of the socket (m, rad) beyond which it is no longer on the limb (a choice)."""
 

@@ -32,8 +32,7 @@ from vsf_drake.simulation.stepping.ways import Edit
 
 LOADED_N = THRESHOLD_N
 """Vertical force (N) below which a centre of pressure has no meaning."""
-SOCKET = slice(-6, None)
-"""The socket's springs, the last of a walking person's mechanism."""
+SOCKET = slice(-6, None)  # the socket's springs, the last of a walking person's mechanism
 
 
 @dataclass(frozen=True)

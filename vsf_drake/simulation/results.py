@@ -21,8 +21,7 @@ from vsf_drake.simulation.archive import read_archive, result_folder, write_arch
 __all__ = ["BenchResult", "BenchSetting", "WalkResult", "coordinate_unit", "load_bench", "load_walk", "result_folder",
            "save_bench", "save_walk"]
 
-FORMAT = 1
-"""Version of the layout on disk."""
+FORMAT = 1  # version of the layout on disk
 _LATER = ("refined_steps",)
 """What older results of this format lack, and what is then true of them by default: their steps were never cut."""
 _XYZ = ("x", "y", "z")
@@ -279,10 +278,8 @@ class Standing:
 
 LARGEST_WEIGHT_ERROR = 0.01
 """Share of the weight by which the mean vertical force may miss it (McGeehan 2021 reports 2.6 % too little)."""
-LARGEST_DRIFT_M = 1e-3
-"""How far the pelvis may move (m) and still be said to stand still (a choice)."""
-SERIES_RATE_HZ = 50.0
-"""Rate of the series in the table: standing has nothing faster to show (a choice)."""
+LARGEST_DRIFT_M = 1e-3  # how far the pelvis may move (m) and still be said to stand still (a choice)
+SERIES_RATE_HZ = 50.0  # rate of the series in the table: standing has nothing faster to show (a choice)
 ATTITUDE = ("tilt", "list", "rotation")
 
 

@@ -27,8 +27,7 @@ from vsf_drake.simulation.mechanism import roll_over_mechanism
 from vsf_drake.simulation.reactions import energy_ledger, foot_reaction
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper
 
-FOLLOWS_WITHIN = 0.01
-"""Share of the largest force by which a run that follows its profile may be off (a choice)."""
+FOLLOWS_WITHIN = 0.01  # share of the largest force by which a run that follows its profile may be off (a choice)
 COARSE_STEPS, COARSE_TOLERANCE_N = 60, 0.1
 KNOTS, DEGREE = 120, 3
 APART = 7
@@ -42,8 +41,7 @@ _TRIAL_M = 5e-5
 _MOST_TRIALS = 40
 _FIRST_STIFFNESS = 5e4
 _LONGEST_MOVE_M = 2e-3
-LONGEST_TRAVEL_M = 0.12
-"""Travel after which a foot that does not bear the load has given way."""
+LONGEST_TRAVEL_M = 0.12  # travel after which a foot that does not bear the load has given way
 LARGEST_PITCH_RAD = np.radians(60.0)
 
 
@@ -55,15 +53,6 @@ class Following:
     force_n: np.ndarray
     height_m: np.ndarray  # (n,) of the mount's origin above the tilt axis, along that line
     deflection_m: np.ndarray  # (n,) how much lower that is than where the unloaded foot would touch at the same tilt
-
-    @classmethod
-    def of(
-        cls, grf_W: np.ndarray, mount: np.ndarray, wanted_n: np.ndarray, height_m: np.ndarray, unloaded_m: np.ndarray
-    ) -> Following:
-        """From the ground's force (n, 3), the mount's coordinates (n, 3) and the heights (n,), loaded and unloaded."""
-        force = np.sum(grf_W * line_of_force(mount[:, 2]), axis=1)
-        return cls(wanted_n=np.asarray(wanted_n, dtype=float), force_n=force, height_m=height_m,
-                   deflection_m=unloaded_m - height_m)
 
     @property
     def residual_n(self) -> float:
@@ -332,7 +321,9 @@ class RollOver:
         height = _smooth_path(coarse_s, coarse, time_s, force_along, force_n[1:])
         mount = mount_path(tilt_rad, height, axis_ahead_m=axis_ahead_m)
         run = self.follow(fulcrum_m=fulcrum_m, time_s=time_s, mount=mount)
-        return run, Following.of(run.grf_W, mount[1:], force_n[1:], height[1:], np.array(touch[1:]))
+        return run, Following(
+            wanted_n=np.asarray(force_n[1:], dtype=float), force_n=np.sum(run.grf_W * line, axis=1),
+            height_m=height[1:], deflection_m=np.array(touch[1:]) - height[1:])
 
     def _begin(self, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> tuple[Stepper, Inputs, np.ndarray]:
         """The machine along `mount`, and where it is at rest at first."""

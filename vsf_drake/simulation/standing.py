@@ -35,8 +35,7 @@ from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker, ste
 
 LARGEST_SWAY_RAD = np.radians(1.0)
 """Turn of a free pelvis from its equilibrium after which the person counts as falling (a choice)."""
-LONGEST_S = 120.0
-"""Longest time (s) to stand: the record of every step stays in memory."""
+LONGEST_S = 120.0  # longest time (s) to stand: the record of every step stays in memory
 
 
 def simulate_standing(
@@ -149,10 +148,8 @@ TRANSLATIONS, ROTATIONS = PELVIS_COORDINATES[:3], PELVIS_COORDINATES[3:]
 LARGEST_TURN_RAD = np.radians(6.0)
 """How far from upright an equilibrium is looked for (a choice: the spheres under a foot unload well before)."""
 SEARCH_STEP_RAD = np.radians(1.0)
-LEAST_SHARE = 0.05
-"""Share of the weight that a foot must carry for both to be stood on (a choice)."""
-MOMENT_TOLERANCE = 1e-6
-"""Moment left at an equilibrium, over weight times a metre: a micrometre of the centre of mass."""
+LEAST_SHARE = 0.05  # share of the weight that a foot must carry for both to be stood on (a choice)
+MOMENT_TOLERANCE = 1e-6  # moment left at an equilibrium, over weight times a metre: a micrometre of the centre of mass
 
 
 class Hold(NamedTuple):

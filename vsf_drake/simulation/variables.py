@@ -44,14 +44,10 @@ OFFSETS = ("height", "fore_aft", "alignment")
 SOCKET_AXES = ("tx", "ty", "tz", "flexion", "adduction", "rotation")
 _SITE = {name: i for i, name in enumerate(SITE_COLUMNS)} | {"rise": SITE_COLUMNS.index("p_BS_z")}
 """Column of a site's row; a rise moves the sphere's centre up."""
-_FOLD = 10.0
-"""Bounds of a stiffness or damping: its own value divided and multiplied by this."""
-_MOST_SHIFT = 1.0
-"""Of a coordinate, m or rad."""
-_LARGEST = 1e30
-"""Of a stiffness or damping, as the contact's in the model file."""
-_RATE_STEP_S = 1e-4
-"""Between the instants from which a course's rate at the start is taken, in longer walks."""
+_FOLD = 10.0  # bounds of a stiffness or damping: its own value divided and multiplied by this
+_MOST_SHIFT = 1.0  # of a coordinate, m or rad
+_LARGEST = 1e30  # of a stiffness or damping, as the contact's in the model file
+_RATE_STEP_S = 1e-4  # between the instants from which a course's rate at the start is taken, in longer walks
 _RATE = np.array([48.0, -36.0, 16.0, -3.0]) / 12.0
 """Of the first of five values at equal steps, from what the others differ from it."""
 
@@ -106,10 +102,10 @@ def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variabl
             Variable(f"contact.{zone}.full_damping_depth", "m", full, 2e-4, 5e-3, 1e-6, edit(own, "full_damping_depth"),
                      0.1),
             Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, edit(own, "rise"), 0.1, added=True)]
-    for name, unit, *bounds, maximum in (
+    for name, unit, low, high, minimum, maximum in (
             ("mu_static", "1", 0.1, 1.5, 0.0, 5.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0, 5.0),
             ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6, 10.0)):
-        found.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), *bounds,
+        found.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
                               edit(slice(len(foot.sites.radius)), name), maximum))
     keel, modulus = np.zeros_like(springs), foot.parameters.keel.flexural_modulus_pa
     keel[:-6, :3] = springs[:-6, :3] / modulus

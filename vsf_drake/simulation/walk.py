@@ -53,8 +53,7 @@ if TYPE_CHECKING:
 
 
 DEFAULT_STEP_S = 1e-3
-MOST_BYTES = 1e9
-"""Of memory that a walk with its recording may take."""
+MOST_BYTES = 1e9  # of memory that a walk with its recording may take
 
 
 class Walker:
@@ -376,8 +375,7 @@ class Walk:
     step_s: float
     wall_s: float
     compile_s: float
-    rest_speed: float
-    """Largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest."""
+    rest_speed: float  # largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest
     load_sensitivity: LoadSensitivity | None = None
     """Of `record.load`, the socket's wrench and the state to those variables; None unless asked for."""
     applied_names: tuple[str, ...] = ()  # the c driven coordinates of which `applied` holds the torques
@@ -397,8 +395,7 @@ class Walk:
 
 
 MAX_STEP_S = 0.01
-MOST_STEPS = 10_000_000
-"""Longer walks are mistakes in a unit."""
+MOST_STEPS = 10_000_000  # longer walks are mistakes in a unit
 
 
 def walk_grid(start_s: float, end_s: float, step_s: float) -> tuple[np.ndarray, float]:
@@ -444,12 +441,9 @@ def fulcrum_on_grid(fulcrum_m: float | Callable[[np.ndarray], np.ndarray], momen
 # What a reader of a walk's numbers has to know about the run.
 
 
-PLAUSIBLE_PEAK_BW = (0.6, 2.5)
-"""Peak vertical force of walking, in body weights, with a wide margin."""
-FOAM_AGREEMENT = 0.05
-"""Share by which the foam may differ between bench and walk before a note says so (a choice)."""
-AT_REST = 1e-5
-"""Speed (m/s, rad/s) below which free coordinates count as at rest at the start."""
+PLAUSIBLE_PEAK_BW = (0.6, 2.5)  # peak vertical force of walking, in body weights, with a wide margin
+FOAM_AGREEMENT = 0.05  # share by which the foam may differ between bench and walk before a note says so (a choice)
+AT_REST = 1e-5  # speed (m/s, rad/s) below which free coordinates count as at rest at the start
 
 
 def step_notes(record: Record, stop: str = "") -> list[str]:

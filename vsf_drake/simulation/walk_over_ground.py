@@ -37,8 +37,7 @@ from vsf_drake.simulation.walk import check_offsets, fulcrum_on_grid, walk_grid
 
 INTEGRATORS = ("implicit_euler", "radau1", "radau3", "velocity_implicit_euler")
 """Schemes of Drake that bear the stiffness of the foam; explicit ones would need steps of microseconds."""
-REST_N = 1e-3
-"""Largest force (N, N m) on socket or keel that is taken for rest."""
+REST_N = 1e-3  # largest force (N, N m) on socket or keel that is taken for rest
 LOAD_ROUNDS = 3
 """Each leaves a thousandth of the error in the servos' load at the start, as their stretch changes the contact."""
 KNOT_S = 2e-3

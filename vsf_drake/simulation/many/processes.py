@@ -32,8 +32,7 @@ import vsf_drake
 from vsf_drake.errors import InputError, VsfError
 from vsf_drake.simulation.variables import check_whole
 
-IN_FLIGHT = 256
-"""Tasks that an executor of unknown size is given at a time."""
+IN_FLIGHT = 256  # tasks that an executor of unknown size is given at a time
 LINE_EVERY_S = 30.0
 _ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS",
                                       "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")}
@@ -100,7 +99,7 @@ class ProcessWorkers(Executor):
             self._end(process)
         self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
 
-    def _open(self, place: _Process | None) -> None:
+    def _open(self, place: _Process | Callable[[_Job], _Reply] | None) -> None:
         """Fills an empty place. If that fails, the next task tries again, and says so."""
         try:
             place = place or self._start()
@@ -149,8 +148,7 @@ class ProcessWorkers(Executor):
 
 
 _Job = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
-_Reply = tuple[bool, Any]
-"""Whether a job returned, and what; else the exception as text."""
+_Reply = tuple[bool, Any]  # whether a job returned, and what; else the exception as text
 
 
 def _here(job: _Job) -> _Reply:

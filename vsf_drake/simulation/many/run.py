@@ -190,8 +190,7 @@ def _said(error: Exception) -> str:
 # a diagram with Python systems in it.
 
 
-MOST_PARTS = 256
-"""Persons and recordings that a process remembers; it asks again for an older one."""
+MOST_PARTS = 256  # persons and recordings that a process remembers; it asks again for an older one
 _NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
 """In place of a trial: what a result says of its origin, which is not brought back."""
 _lock = threading.Lock()
@@ -291,10 +290,8 @@ def _walker(key: str, person: tuple) -> Iterator[Walker]:
 # Keeps an executor busy with tasks, hands back replies as they come, and tries once more what a machine lost.
 
 
-ATTEMPTS = 2
-"""How often a task is tried whose worker dies under it."""
-LOOK_EVERY_S = 0.2
-"""How often to look for tasks that were cancelled from outside: nobody tells."""
+ATTEMPTS = 2  # how often a task is tried whose worker dies under it
+LOOK_EVERY_S = 0.2  # how often to look for tasks that were cancelled from outside: nobody tells
 
 
 def _dispatch(
@@ -359,8 +356,7 @@ def _reply(future: Future[Reply]) -> Reply:
 
 
 ABOUT = "about.json"
-LASTING = (Kind.DONE, Kind.FAILED)
-"""Replies worth keeping: a simulation that failed will fail again; a machine may not."""
+LASTING = (Kind.DONE, Kind.FAILED)  # replies worth keeping: a simulation that failed will fail again; a machine may not
 
 
 class WalkCache:

@@ -93,10 +93,10 @@ def linearise(
         by[ground + 3 * i:ground + 3 * i + 3] = change[[1, 2, 0]]
     by[ground + 6:power] = by_spring[:3]
     by[power] = _power_below(model, motion, joints, feet[0].wrench[:, 0], by[ground:ground + 3], at)
-    for i, foot in enumerate(model.feet):
-        part = sole(spheres.depth[foot])[1]
-        onto = dynamics.carries[:, model.spheres.link[foot]]
-        lift = np.stack([onto @ (-part * spheres.x[foot]), np.zeros_like(motion.x), onto @ part])
+    for i, own in enumerate(model.feet):
+        part = sole(spheres.depth[own])[1]
+        onto = dynamics.carries[:, model.spheres.link[own]]
+        lift = np.stack([onto @ (-part * spheres.x[own]), np.zeros_like(motion.x), onto @ part])
         at.fill(by[soles + i:soles + i + 1], np.einsum("cln,cln->ln", lift, motion.S)[None])
     return y, by
 

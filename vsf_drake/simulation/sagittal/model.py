@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.laws.kelvin_voigt import smooth_step
 from vsf_drake.laws.smooth_contact import rounded_positive_part
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.plants.foot import set_mount
@@ -140,25 +141,21 @@ class SagittalModel:
 # of that width times the joint's turn.
 
 
-SUPPORT_WIDTH = 4e-3
-"""m; a choice: half the shortest distance of two joints is 11.6 mm."""
+SUPPORT_WIDTH = 4e-3  # m; a choice: half the shortest distance of two joints is 11.6 mm
 
 
+@dataclass(eq=False)
 class Support:
-    """A two-sided stiff support of a chain whose pieces begin at `starts` (K,) m from A.
+    """A two-sided stiff support of a chain of pieces."""
 
-    Args:
-        stiffness, damping: N/m, N s/m.
-        signs: (K,) of the joints' coordinates, 1 where positive ones lift the toe.
-    """
-
-    def __init__(self, starts: np.ndarray, signs: np.ndarray, stiffness: float, damping: float) -> None:
-        self.starts, self.signs, self.stiffness, self.damping = starts, signs, stiffness, damping
+    starts: np.ndarray  # (K,) m from A, where the pieces begin
+    signs: np.ndarray  # (K,) of the joints' coordinates, 1 where positive ones lift the toe
+    stiffness: float  # N/m
+    damping: float  # N s/m
 
     def deflection(self, w: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Height (...) of P over the undeformed keel (m) at the turns w (K, ...), and (K, ...) its derivatives by w."""
-        tall = (-1, *(1,) * (w.ndim - 1))
-        starts, signs = self.starts.reshape(tall), self.signs.reshape(tall)
+        starts, signs = tall(self.starts, w), tall(self.signs, w)
         angle = np.cumsum(signs * w, axis=0)
         c, s = np.cos(angle), np.sin(angle)
         lengths = np.diff(starts, axis=0)
@@ -166,7 +163,7 @@ class Support:
         x = np.concatenate([zero, np.cumsum(lengths * c[:-1], axis=0)])
         z = np.concatenate([zero, np.cumsum(lengths * s[:-1], axis=0)])
         along = position - starts
-        past = np.concatenate([zero + 1.0, _blend(along[1:] / SUPPORT_WIDTH), zero])
+        past = np.concatenate([zero + 1.0, smooth_step(0.5 * (along[1:] / SUPPORT_WIDTH + 1.0)), zero])
         share = past[:-1] - past[1:]
         # Of all beyond a joint: their share, and where they bear.
         ahead = np.cumsum((share * (x + along * c))[::-1], axis=0)[::-1]
@@ -180,17 +177,10 @@ class Support:
         return force * by, 0.5 * self.stiffness * deflection * deflection, by
 
 
-def _blend(s: np.ndarray) -> np.ndarray:
-    """0 below -1, 1 above 1, between them the cubic with level ends."""
-    t = 0.5 * (s + 1.0)
-    return np.where(s.real <= -1.0, 0.0, np.where(s.real >= 1.0, 1.0, t * t * (3.0 - 2.0 * t)))
-
-
 # Springs of socket and keel with smooth corners: the bushing's law with its stops, and the keel's joints.
 
 
-STOP_WIDTH = 0.1
-"""Of a stop's corner, in its limit; a choice."""
+STOP_WIDTH = 0.1  # of a stop's corner, in its limit; a choice
 TENSION_WIDTH = 2e-4
 """m (or rad) over which the socket goes from its stiffness in compression to that in tension; a choice."""
 UNLIMITED = 1e29
@@ -203,8 +193,7 @@ def spring_forces(
 
     The rows (k, 6) are the stepper's (`SPRING_COLUMNS`), the law that of `laws.bushing`; `scale` is that of the forces.
     """
-    tail = (-1, *(1,) * (w.ndim - 1))
-    elastic, drag = rows[:, 1].reshape(tail) * w, 1.0 * u
+    elastic, drag = tall(rows[:, 1], w) * w, 1.0 * u
     energy = 0.5 * elastic * w
     for i, (stiff, negative, _, limit, rate_limit, stop) in enumerate(rows):
         if stiff != negative:
@@ -217,16 +206,14 @@ def spring_forces(
         if rate_limit < UNLIMITED:
             for sign in (1.0, -1.0):
                 drag[i] += sign * stop * rounded_positive_part(sign * u[i] - rate_limit, STOP_WIDTH * rate_limit)
-    return -scale * (elastic + rows[:, 2].reshape(tail) * drag), scale * energy
+    return -scale * (elastic + tall(rows[:, 2], w) * drag), scale * energy
 
 
 # The contact spheres of the feet, as the sagittal plane sees them, and the ground's wrenches on them.
 
 
-SOLE_BLEND = 2e-3
-"""m over which the lowest of a foot's spheres is blended from one to the next; a choice."""
-_ROUNDING = 9
-"""Digits (m) to which two places are one."""
+SOLE_BLEND = 2e-3  # m over which the lowest of a foot's spheres is blended from one to the next; a choice
+_ROUNDING = 9  # digits (m) to which two places are one
 _NORMAL = ("stiffness", "exponent", "damping", "full_damping_depth")
 _FRICTION = ("mu_static", "mu_kinetic", "threshold_velocity")
 
@@ -338,8 +325,7 @@ class Smoothing:
 
     depth_m: float = 1e-3
     """Half-width of the corner where a sphere touches the ground; largest error of the depth is 3/16 of it."""
-    rate_m_per_s: float = 0.02
-    """The same of the corner where damping begins."""
+    rate_m_per_s: float = 0.02  # the same of the corner where damping begins
     friction_velocity_m_per_s: float = 0.1
     """Slip at which friction reaches its static coefficient; never below the model's own."""
     damping: float = 1.0
@@ -371,9 +357,8 @@ def normal_force(
     touching = d.real > 0.0
     force = stiffness * np.exp(exponent * np.log(np.where(touching, d, 1.0)))
     if smoothing.damping > 0.0:
-        u = np.where(d.real < full_damping_depth, d / full_damping_depth, 1.0)
         closing = rounded_positive_part(rate, smoothing.rate_m_per_s)
-        force = force + smoothing.damping * damping * u * u * (3.0 - 2.0 * u) * closing
+        force = force + smoothing.damping * damping * smooth_step(d / full_damping_depth) * closing
     return np.where(touching, force, 0.0)
 
 

@@ -117,8 +117,7 @@ def _product(M: np.ndarray, y: np.ndarray) -> np.ndarray:
 # and inertias are the plant's own, as `stepping.tree` reads them.
 
 
-IN_PLANE = 0.999999
-"""Least share of a joint's axis in the plane's own directions."""
+IN_PLANE = 0.999999  # least share of a joint's axis in the plane's own directions
 
 
 @dataclass

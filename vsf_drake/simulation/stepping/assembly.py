@@ -37,8 +37,7 @@ SPRING_COLUMNS = ("stiffness", "stiffness_negative", "damping", "limit", "rate_l
 """Columns of a sprung coordinate."""
 SITE_RECORD = ("depth", "normal_force", "friction_x", "friction_y", "depth_rate", "slip_x", "slip_y", "x", "y")
 """Columns of a site's record at the end of a step; x, y place the contact point in W."""
-MAX_APPROACH = 5.0
-"""Sites further above the ground than this speed (m/s) could close within a step are left out."""
+MAX_APPROACH = 5.0  # sites further above the ground than this speed (m/s) could close within a step are left out
 TOLERANCE = 1e-7
 """Of a step, in sqrt(kg) m/s: what is left of 1 N after 0.1 us on 1 kg."""
 

@@ -45,13 +45,10 @@ from vsf_drake.simulation.stepping.tree import (
 )
 
 MAX_ITERATIONS = 30
-MAX_TRIALS = 12
-"""Lengths of one Newton step that are tried."""
-OVERSHOOT = 0.5
-"""Uphill slope after a step, relative to the downhill one before it, that is accepted."""
+MAX_TRIALS = 12  # lengths of one Newton step that are tried
+OVERSHOOT = 0.5  # uphill slope after a step, relative to the downhill one before it, that is accepted
 EXACT_FROM = 4
-EXACT, FLAT = -math.inf, 0.0
-"""Least slope of the friction curve in a tangent: any, or none that falls."""
+EXACT, FLAT = -math.inf, 0.0  # least slope of the friction curve in a tangent: any, or none that falls
 LENGTHEN = 4.0
 
 

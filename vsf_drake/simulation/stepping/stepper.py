@@ -38,10 +38,8 @@ from vsf_drake.simulation.stepping.sensitivity import Carried, carry, differenti
 from vsf_drake.simulation.stepping.tree import Tree, tree_arrays, tree_of
 from vsf_drake.simulation.stepping.ways import Edit
 
-CHUNK = 32
-"""Steps between looks for progress and interruption."""
-MAX_SPEED = 1e3
-"""Coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged."""
+CHUNK = 32  # steps between looks for progress and interruption
+MAX_SPEED = 1e3  # coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged
 TANGENT_ARGUMENT = -2
 """Where `advance` takes what carries sensitivities along: by its type the compiled variants are told apart."""
 SETTLED_TOLERANCE, SETTLED_SPEED = 1e-10, 1e-9
@@ -259,8 +257,7 @@ def _empty_record(drive: Drive, q0: np.ndarray, v0: np.ndarray, *, sites: int, c
 # Steps one after the other, each halved where it does not converge (compiled).
 
 
-LEVELS = 5
-"""How often a step is halved before it is accepted without convergence: down to 1/32."""
+LEVELS = 5  # how often a step is halved before it is accepted without convergence: down to 1/32
 PARTS = 1 << LEVELS
 
 
@@ -277,10 +274,11 @@ class Drive(NamedTuple):
 
 def drive_of(inputs: Inputs) -> Drive:
     """The inputs as arrays for compiled code."""
-    given = (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground,
-             np.gradient(inputs.ground, inputs.time_s))
-    return Drive(*(np.ascontiguousarray(column, dtype=float) for column in given),
-                 torques=no_torques(len(inputs.time_s) - 1) if inputs.torques is None else inputs.torques)
+    time_s, prescribed_q, fulcrum, ground = (
+        np.ascontiguousarray(column, dtype=float)
+        for column in (inputs.time_s, inputs.prescribed_q, inputs.fulcrum, inputs.ground))
+    return Drive(time_s, prescribed_q, fulcrum, ground, np.gradient(ground, time_s),
+                 no_torques(len(time_s) - 1) if inputs.torques is None else inputs.torques)
 
 
 @compiled

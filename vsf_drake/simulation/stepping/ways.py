@@ -168,11 +168,9 @@ class Edit:
     fulcrum: np.ndarray | None = None
     mount: np.ndarray = field(default_factory=lambda: np.zeros(3))
     """To height (m), fore-aft (m) and alignment (rad) of the foot under the pylon."""
-    fulcrum_shift: float = 0.0
-    """m, to the fulcrum's position."""
+    fulcrum_shift: float = 0.0  # m, to the fulcrum's position
     coordinate: str | None = None
     """Name of the prescribed coordinate that shifts."""
     course: np.ndarray | None = None
     """(n + 1,) what that shift is times, on the grid of the run; None for 1, a constant shift."""
-    course_rate: float = 0.0
-    """Of `course` at the start (1/s)."""
+    course_rate: float = 0.0  # of `course` at the start (1/s)
