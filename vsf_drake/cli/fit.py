@@ -64,8 +64,7 @@ def fit(
         raise InputError("is an option of the joint strategy; the paper's procedure is fitted as it is written",
                          where=given[0], right="Leave it out")
     if quick and starts not in (None, 1):
-        raise InputError("cannot go with --quick, which searches once", where="--starts",
-                         right="Leave one of them out")
+        raise InputError("cannot go with --quick, which searches once", where="--starts", right="Leave one of them out")
     for pattern in free or ():
         if pattern in (freeze or ()):
             raise InputError(f"{pattern} is to be free and frozen", where="--free", right="Decide for one")

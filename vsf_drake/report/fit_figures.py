@@ -191,8 +191,7 @@ def fit_error_figure(table: Mapping[str, Any]) -> Figure:
             axes.margins(x=0.08)
             axes.xaxis.set_major_locator(MaxNLocator(5))
             label(axes, x=x, y="", title=title)
-        panels[0].set_yticks(range(len(trials)), [
-            f"{t['label']}, {t['role']}, {t['fulcrum_mm']:g} mm" for t in trials])
+        panels[0].set_yticks(range(len(trials)), [f"{t['label']}, {t['role']}, {t['fulcrum_mm']:g} mm" for t in trials])
         panels[0].set_ylim(len(trials) - 0.4, -0.6)
         panels[0].set_ylabel("trial (one row each)")
         handles: list[Artist] = [_dot("fitted trial", color=NEUTRAL, markersize=7)]

@@ -109,8 +109,7 @@ class ContactFit:
         self.walker = walker or Walker(subject, model)
         if (self.walker.subject, self.walker.model) != (subject, model):
             raise InputError("is of another subject or model than the trials", where="walker")
-        self.parameters = parameters or standard_parameters(
-            self.walker.variables, subject.prosthetic_side, self.labels)
+        self.parameters = parameters or standard_parameters(self.walker.variables, subject.prosthetic_side, self.labels)
         for name in self.parameters.by_name:
             if owner(name) not in (None, *self.labels):
                 raise InputError(f"{name} belongs to no trial of this fit", where="parameters",

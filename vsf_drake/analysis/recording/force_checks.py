@@ -108,8 +108,7 @@ def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, kno
     rate, rows = 1.0 / float(np.median(np.diff(time_s))), longest_run(known)
     if len(rows) < 8 or time_s[rows[-1]] - time_s[rows[0]] < LEAST_S or rate <= 2.2 * LAG_CUTOFF_HZ:
         return None
-    force, motion = (low_pass(series, rate_hz=rate, cutoff_hz=LAG_CUTOFF_HZ)
-                     for series in (vertical_n, up_m_per_s2))
+    force, motion = (low_pass(series, rate_hz=rate, cutoff_hz=LAG_CUTOFF_HZ) for series in (vertical_n, up_m_per_s2))
     steps = round(LARGEST_LAG_S * rate)
     shifts = np.arange(-steps, steps + 1)
     inside = [(rows - shift >= 0) & (rows - shift < len(motion)) for shift in shifts]
