@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.recording import Check, grade, worst
+from vsf_drake.analysis.recording import grade, worst
 from vsf_drake.analysis.recording.motion_checks import (
     filtered_before,
     gaps_filled,
@@ -207,5 +207,3 @@ def test_marks_are_ordered():
     assert worst(["good", "unusable", "doubtful"]) == "unusable"
     assert worst([]) == "good"
     assert grade(float("nan"), 1.0, 2.0) == "unusable"
-    with pytest.raises(ValueError, match="no mark"):
-        Check("x", "fine", None, "", "")

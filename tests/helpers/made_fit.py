@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.contact_fit.table import PUBLISHED
+from vsf_drake.analysis.contact_fit.assessment import PUBLISHED
 
 ODD = "<b>odd</b> $x_$ ü"
 """A label that is neither HTML nor a formula."""

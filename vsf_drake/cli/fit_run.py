@@ -19,9 +19,9 @@ from vsf_drake.analysis.contact_fit import (
     solve,
     standard_parameters,
 )
+from vsf_drake.analysis.contact_fit.assessment import fit_curves, fit_table
 from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT
 from vsf_drake.analysis.contact_fit.problem import bench_of, check_recordings, labels_of
-from vsf_drake.analysis.contact_fit.table import fit_curves, fit_table
 from vsf_drake.analysis.measured_bench import CURVES, load_measured_bench
 from vsf_drake.cli.app import progress
 from vsf_drake.errors import FitError, InputError, SimulationError

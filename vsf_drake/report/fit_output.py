@@ -61,7 +61,7 @@ def write_fit(
     """Writes everything of a fit to `out`; what an earlier fit left there goes, and so does the checkpoint.
 
     Args:
-        table, curves: of `analysis.contact_fit.table`.
+        table, curves: of `analysis.contact_fit.assessment`.
         contact: what was fitted; not for a fit that failed.
 
     Returns:

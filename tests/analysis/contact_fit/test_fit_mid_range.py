@@ -10,12 +10,11 @@ import pytest
 
 from vsf_drake.analysis.bench_metrics import mid_range_displacement
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitSolution, PaperOptions
-from vsf_drake.analysis.contact_fit.assessment import Assessment, bench_row, bench_score, verdict
+from vsf_drake.analysis.contact_fit.assessment import Assessment, bench_row, bench_score, fit_table, verdict
 from vsf_drake.analysis.contact_fit.paper import PaperEnd
 from vsf_drake.analysis.contact_fit.problem import bench_of
 from vsf_drake.analysis.contact_fit.solution import JointEnd
 from vsf_drake.analysis.contact_fit.solve import search
-from vsf_drake.analysis.contact_fit.table import fit_table
 from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.contact_file import model_with
 from vsf_drake.files import resource

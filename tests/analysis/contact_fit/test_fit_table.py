@@ -11,7 +11,7 @@ import pytest
 from made_fit import failed_fit, made_fit
 
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve, standard_parameters
-from vsf_drake.analysis.contact_fit.table import curve_rows, fit_curves, fit_table
+from vsf_drake.analysis.contact_fit.assessment import curve_rows, fit_curves, fit_table
 from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.errors import FitError
 from vsf_drake.files import resource

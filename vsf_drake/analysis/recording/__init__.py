@@ -46,10 +46,6 @@ class Check:
     cost_bw: float | None = None  # error of the force (root mean square over stance) left after a fit of the offsets
     needed: bool = False  # a doubt here alone makes the recording doubtful: a good one cannot do without it
 
-    def __post_init__(self) -> None:
-        if self.mark not in MARKS:
-            raise ValueError(f"{self.mark!r} is no mark")
-
 
 def told(
     part: str, name: str, mark: str, value: float | None, unit: str, *, side: str | None = None,
