@@ -9,8 +9,7 @@ import pytest
 from made_results import make_plate, make_walk
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.doubts import doubts
-from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.analysis.metrics import doubts, walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit
 from vsf_drake.motion.manifest import GeometricOffsets
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.measured_bench import load_measured_bench
+from vsf_drake.analysis.validation.bench_lines import load_measured_bench
 from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource

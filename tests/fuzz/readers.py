@@ -32,8 +32,8 @@ from made_tuning import made_arrays, made_schedule, made_table, small_table
 from mutations import mutated
 from virtual_laboratory.trc import write_trc
 
-from vsf_drake.analysis.measured_bench import load_measured_bench
 from vsf_drake.analysis.tuning.schedule import load_schedule
+from vsf_drake.analysis.validation.bench_lines import load_measured_bench
 from vsf_drake.analysis.validation.run import SectionStore
 from vsf_drake.analysis.validation.study import Section
 from vsf_drake.bench_curves import load_bench_curves, load_bench_file

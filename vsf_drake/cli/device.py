@@ -127,7 +127,7 @@ def show(
     """Shows the model in a browser, with sliders for every joint, the fulcrum and a load on the keel."""
     from vsf_drake.files import resource
     from vsf_drake.motion.trial_record import load_subject
-    from vsf_drake.report.show.serve import show_model, write_model_page
+    from vsf_drake.report.show.scene import show_model, write_model_page
 
     if what == "person" and subject is None:
         subject = resource("data/reference_subject/subject.yaml")

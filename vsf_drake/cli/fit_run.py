@@ -22,7 +22,7 @@ from vsf_drake.analysis.contact_fit import (
 from vsf_drake.analysis.contact_fit.assessment import fit_curves, fit_table
 from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT
 from vsf_drake.analysis.contact_fit.problem import bench_of, check_recordings, labels_of
-from vsf_drake.analysis.measured_bench import CURVES, load_measured_bench
+from vsf_drake.analysis.validation.bench_lines import CURVES, load_measured_bench
 from vsf_drake.cli.app import progress
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import read_json, sha256, write_json

@@ -8,8 +8,7 @@ from typing import Any
 
 from vsf_drake.analysis.bench_metrics import bench_table
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.doubts import doubts
-from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.analysis.metrics import doubts, walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit
 from vsf_drake.errors import InputError
 from vsf_drake.files import read_json

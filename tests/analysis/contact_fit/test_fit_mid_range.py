@@ -15,7 +15,7 @@ from vsf_drake.analysis.contact_fit.paper import PaperEnd
 from vsf_drake.analysis.contact_fit.problem import bench_of
 from vsf_drake.analysis.contact_fit.solution import JointEnd
 from vsf_drake.analysis.contact_fit.solve import search
-from vsf_drake.analysis.measured_bench import load_measured_bench
+from vsf_drake.analysis.validation.bench_lines import load_measured_bench
 from vsf_drake.contact_file import model_with
 from vsf_drake.files import resource
 from vsf_drake.simulation.bench import run_bench

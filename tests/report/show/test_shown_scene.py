@@ -16,8 +16,18 @@ from pydrake.geometry import Meshcat
 from vsf_drake.errors import InputError
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.report.show.drawing import open_meshcat
-from vsf_drake.report.show.scene import KINDS, Scene, platen_travel
-from vsf_drake.report.show.serve import RESET, RISE, STOP, SUPPORT, Viewer, frame_button, gate
+from vsf_drake.report.show.scene import (
+    KINDS,
+    RESET,
+    RISE,
+    STOP,
+    SUPPORT,
+    Scene,
+    Viewer,
+    frame_button,
+    gate,
+    platen_travel,
+)
 from vsf_drake.simulation.bench import keel_shape
 
 MODEL = ModelParameters()

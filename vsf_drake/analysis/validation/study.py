@@ -12,8 +12,7 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison, compare
 from vsf_drake.analysis.contact_fit.problem import labels_of
-from vsf_drake.analysis.doubts import doubts
-from vsf_drake.analysis.metrics import stance_curve, walk_metrics
+from vsf_drake.analysis.metrics import doubts, stance_curve, walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit, fit_offsets
 from vsf_drake.bench_curves import BenchCurves, load_bench_curves
 from vsf_drake.contact_file import FittedContact, load_contact

@@ -28,7 +28,7 @@ def open_meshcat() -> Meshcat:
     """A Meshcat for this program only, without Drake's message about it.
 
     Drake's server answers whoever finds it, web pages included. On Linux, where 127.0.0.0/8 is this machine, it gets
-    one of 16 million addresses by chance, which no page can guess; `serve.gate` is where visitors come in.
+    one of 16 million addresses by chance, which no page can guess; `scene.gate` is where visitors come in.
     """
     host = f"127.{1 + secrets.randbelow(254)}.{secrets.randbelow(256)}.{1 + secrets.randbelow(254)}"
     log = logging.getLogger("drake")
