@@ -191,11 +191,7 @@ class ComparisonSensitivity:
 def compare_sensitivity(
     comparison: Comparison, result: WalkResult, sensitivity: ReactionSensitivity
 ) -> ComparisonSensitivity:
-    """Derivatives of what `compare` made of `result`, a finished walk; `sensitivity` is of the same walk.
-
-    Raises:
-        ValueError: the sensitivity is not of this walk.
-    """
+    """Derivatives of what `compare` made of `result`, a finished walk; `sensitivity` is of the same walk."""
     if len(sensitivity.grf_W) != len(result.time_s):
         raise ValueError(f"sensitivities at {len(sensitivity.grf_W)} instants are not of a walk with "
                          f"{len(result.time_s)}")

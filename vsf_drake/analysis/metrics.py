@@ -42,6 +42,10 @@ from vsf_drake.parameters import GRAVITY
 from vsf_drake.sentences import say
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
+OF_THE_RUN = ("simulated_s", "wall_s", "compile_s", "step_s", "unconverged_steps", "refined_steps", "converged",
+              "synthetic")
+"""What the result itself tells under the same name."""
+
 
 def walk_metrics(result: WalkResult, plate: PlateRecording, *, null_curve: np.ndarray | None = None,
                  comparison: Comparison | None = None) -> dict[str, Any]:
@@ -77,15 +81,8 @@ def walk_metrics(result: WalkResult, plate: PlateRecording, *, null_curve: np.nd
         "coverage": sum(item.span[1] - item.span[0] for item in c.stances) / wanted if wanted else None,
         "heading_deg": np.degrees(np.arctan2(c.heading[1], c.heading[0])),
         "body_weight_n": weight,
-        "simulated_s": result.simulated_s,
-        "wall_s": result.wall_s,
-        "compile_s": result.compile_s,
-        "step_s": result.step_s,
-        "unconverged_steps": result.unconverged_steps,
-        "refined_steps": result.refined_steps,
-        "converged": result.converged,
         "trial": result.trial_name,
-        "synthetic": result.synthetic,
+        **{name: getattr(result, name) for name in OF_THE_RUN},
     }
     content: dict[str, Any] = plain(metrics)
     return content

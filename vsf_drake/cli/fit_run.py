@@ -86,19 +86,12 @@ def make_task(
 
 
 class Checkpoint:
-    """The state of a fit on disk, and the moment from which on the folder is that fit's.
-
-    Attributes:
-        state: to go on from, or None. note: what a user should know before the fit begins, or "".
-
-    Raises:
-        InputError: there is none to go on from, or it cannot be read.
-    """
+    """The state of a fit on disk, and the moment from which on the folder is that fit's."""
 
     def __init__(self, path: Path, *, resume: bool) -> None:
         self.path, self.resumed, self.began, self.saved = path, resume, False, False
-        self.state: dict[str, Any] | None = None
-        self.note = ""
+        self.state: dict[str, Any] | None = None  # to go on from
+        self.note = ""  # what a user should know before the fit begins
         if resume:
             if not path.exists():
                 raise InputError("there is no interrupted fit to go on from", file=path, where="--resume",
@@ -133,11 +126,7 @@ class Checkpoint:
 
 
 def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
-    """Fits, judges and writes to `out`; what fit.json holds, whether the fit succeeded or not.
-
-    Raises:
-        InputError: the checkpoint is of another fit, or `out` cannot be written.
-    """
+    """Fits, judges and writes to `out`; what fit.json holds, whether the fit succeeded or not."""
     with progress() as show:
         def judging(what: str, share: float) -> None:
             low, high = (_SCORED, _REFITTED) if what.startswith("fitting") else (_SEARCHED, _SCORED)

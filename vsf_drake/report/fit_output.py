@@ -23,8 +23,8 @@ from vsf_drake.simulation.archive import remove_result
 CONTACT, CHECKPOINT = "contact.yaml", "checkpoint.json"
 FIT = ResultsFolder(
     kind="fit", command="fit", table="fit.json", arrays="fit.npz", known=lambda table: table.get("kind") == "fit",
-    damaged_too=False,
-    names=(CONTACT, PAGE, CHECKPOINT), stale=(CONTACT,), unfinished=lambda out: (out / CHECKPOINT).exists())
+    damaged_too=False, names=(CONTACT, PAGE, CHECKPOINT), stale=(CONTACT,),
+    unfinished=lambda out: (out / CHECKPOINT).exists())
 _SHOWN = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("°", 180.0 / math.pi), "N/m": ("N/mm", 1e-3),
           "Pa": ("GPa", 1e-9), "1": ("", 1.0)}
 _FIRST = (("trial",), ("role",), ("fulcrum", "mm"))
@@ -42,11 +42,7 @@ _SCORES = (
 
 
 def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
-    """Removes what an earlier fit left in `out`, its checkpoint too unless told otherwise; files of others stay.
-
-    Raises:
-        InputError: a file cannot be removed.
-    """
+    """Removes what an earlier fit left in `out`, its checkpoint too unless told otherwise; files of others stay."""
     try:
         remove_result(out, FIT.kind, (CONTACT,))
         if checkpoint:
@@ -58,18 +54,14 @@ def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
 def write_fit(
     table: Mapping[str, Any], curves: Mapping[str, np.ndarray], out: Path, *, contact: FittedContact | None = None
 ) -> dict[str, Any]:
-    """Writes everything of a fit to `out`; what an earlier fit left there goes, and so does the checkpoint.
+    """Writes everything of a fit to `out`, and returns what fit.json holds; what an earlier fit left there goes, and so
+    does the checkpoint.
 
     Args:
-        table, curves: of `analysis.contact_fit.assessment`.
-        contact: what was fitted; not for a fit that failed.
-
-    Returns:
-        What fit.json holds.
+        table, curves: of `analysis.contact_fit.assessment`. contact: what was fitted; not for a fit that failed.
 
     Raises:
-        InputError: `out` cannot be written.
-        ValueError: a contact is given with the table of a fit that failed.
+        InputError: `out` cannot be written. ValueError: a contact is given with the table of a fit that failed.
     """
     if contact is not None and not table["success"]:
         raise ValueError("a fit that failed leaves no contact")

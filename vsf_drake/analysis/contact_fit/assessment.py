@@ -105,21 +105,19 @@ def assess(
     solution: ContactFitSolution, held_out: Sequence[Trial] = (), *, sweep: bool = True, leave_out: bool = True,
     floors: Mapping[str, float] | None = None, progress: Callable[[str, float], None] | None = None
 ) -> Assessment:
-    """Judges a fit that succeeded.
+    """Judges a fit that succeeded, by trials of the same subject that were not fitted, too.
 
     A held-out trial is walked with what all trials share, and nothing of its own. Of its plate the model knows the
     instants of strike and lift-off, by which the shared curves are laid over the gait cycle.
 
     Args:
-        held_out: trials of the same subject that were not fitted.
         sweep: whether to move the fulcrum over its range in every trial.
         leave_out: whether to fit again without each trial, and without each stiffness.
         floors: by label, the resultant error (BW) of the true foot on a recording's motion, where it is known.
         progress: called with what is being done and the finished fraction.
 
     Raises:
-        InputError: a held-out trial was fitted, or is of another subject.
-        FitError: the fit failed.
+        InputError: a held-out trial was fitted, or is of another subject. FitError: the fit failed.
         SimulationError: a walk with the fitted parameters diverges.
     """
     solution.check()

@@ -52,9 +52,8 @@ _MM_PER_M = 1e3
 class PaperState:
     """Where a search has got to after an iteration; it goes on from here to the same end.
 
-    Attributes:
-        history: of each iteration its number (from 1), the objective of the best scenario so far (N²) and the largest
-            change of a parameter of it, over the distance of its bounds.
+    `history` holds of each iteration its number (from 1), the objective of the best scenario so far (N²) and the
+    largest change of a parameter of it, over the distance of its bounds.
     """
 
     stiffness: float  # N/mm, of the initial guess

@@ -33,11 +33,7 @@ _LAW = re.compile(r"contact\.([^.]+)\.(force|exponent|damping_time)")
 
 @dataclass(frozen=True, kw_only=True)
 class FitParameter:
-    """One number of a fit, between two bounds and with a prior; see `standard_parameters` for the names.
-
-    Raises:
-        InputError: bounds cross, start or mean lie outside of them, a number is not finite or a scale not positive.
-    """
+    """One number of a fit, with a prior, and between two bounds as mean and start are; see `standard_parameters`."""
 
     name: str
     unit: str
@@ -87,11 +83,7 @@ class FitParameter:
 
 
 class FitParameters:
-    """An ordered set of parameters; u (P,) are the search coordinates of the free ones.
-
-    Raises:
-        InputError: two have one name, or all are frozen.
-    """
+    """An ordered set of parameters, at least one of them free; u (P,) are the search coordinates of the free ones."""
 
     def __init__(self, items: Iterable[FitParameter]) -> None:
         self.items = tuple(items)
@@ -109,11 +101,7 @@ class FitParameters:
         return len(self.free)
 
     def changed(self, names: Sequence[str], **fields: object) -> FitParameters:
-        """The set with `fields` of these parameters replaced, e.g. `changed(["friction.mu_static"], frozen=False)`.
-
-        Raises:
-            InputError: there is no such parameter, or what comes out is none.
-        """
+        """The set with `fields` of these parameters replaced, e.g. `changed(["friction.mu_static"], frozen=False)`."""
         for name in names:
             if name not in self.by_name:
                 raise InputError(f"there is no parameter {name!r}", where="parameters",
@@ -273,13 +261,8 @@ class TrialMap:
     Args:
         variables: of the walker.
         label: of the trial, as parameters of its own name it; None for a trial that has none.
-        trial: the recording; None for what is not walked, which then has no courses.
-
-    Attributes:
-        courses: that the walk takes, one for each curve or path parameter.
-
-    Raises:
-        InputError: a parameter means nothing to this walker, or has the form of none.
+        trial: the recording; None for what is not walked, which then has no `courses`, one for each curve or path
+            parameter.
     """
 
     def __init__(

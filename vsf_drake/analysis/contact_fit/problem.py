@@ -168,11 +168,7 @@ class ContactFit:
         return TrialTerms(self, trial, label)
 
     def evaluate(self, u: np.ndarray, *, derivatives: bool = True) -> Evaluation:
-        """The residuals at u (P,); trials are walked side by side.
-
-        Raises:
-            SimulationError: a walk, or the bench, fails there.
-        """
+        """The residuals at u (P,); trials are walked side by side. SimulationError if a walk, or the bench, fails."""
         u = np.asarray(u, dtype=float)
         if self._last is not None and np.array_equal(self._last[0], u) and self._last[1] >= derivatives:
             return self._last[2]
@@ -198,15 +194,11 @@ class ContactFit:
         return self._machine
 
     def bench_stiffness(self, u: np.ndarray) -> np.ndarray:
-        """(m,) N/m on the bench at u, the heel last if it was measured.
-
-        Raises:
-            ValueError: the fit has no bench. SimulationError: the foot gives way.
-        """
+        """(m,) N/m on the bench at u, the heel last if it was measured; SimulationError if the foot gives way."""
         return self.machine.evaluate(self._shared.at(u).values)[0]
 
     def bench_displacement(self, u: np.ndarray) -> np.ndarray:
-        """(m,) m of mid-range displacement on the bench at u; order and errors as of `bench_stiffness`."""
+        """(m,) m of mid-range displacement on the bench at u, likewise."""
         return self.machine.displacement(self._shared.at(u).values)[0]
 
     def _bench_terms(self, u: np.ndarray, derivatives: bool) -> list[Term]:
@@ -229,11 +221,8 @@ class ContactFit:
         return found
 
     def program(self, evaluate: Callable[..., Evaluation] | None = None) -> MathematicalProgram:
-        """The fit for Drake's solvers: bounded variables u and one cost with its gradient.
-
-        Args:
-            evaluate: in place of this fit's own, e.g. to count points or to survive those that fail.
-        """
+        """The fit for Drake's solvers: bounded variables u and one cost with its gradient; `evaluate` stands in for
+        this fit's own, e.g. to count points or to survive those that fail."""
         evaluate = evaluate or self.evaluate
         program = MathematicalProgram()
         u = program.NewContinuousVariables(len(self.parameters), "u")
@@ -261,11 +250,7 @@ class TrialTerms:
     def walk(
         self, u: np.ndarray, *, derivatives: bool = False, step_s: float | None = None, fulcrum_m: float | None = None
     ) -> tuple[Comparison, WalkResult, np.ndarray | None, tuple[np.ndarray, ...]]:
-        """The trial's walk at u beside its plate, and by u: (n, 3, P) N of the force and (101, 2, P) m of each CoP.
-
-        Raises:
-            SimulationError: the walk diverges.
-        """
+        """The trial's walk at u beside its plate, and by u: (n, 3, P) N of the force and (101, 2, P) m of each CoP."""
         at = self.map.at(u)
         comparison, result, walk = self.fit.walk(
             self.trial, at.values, step_s=step_s or self.fit.options.step_s, fulcrum_m=fulcrum_m,
@@ -277,7 +262,7 @@ class TrialTerms:
         return comparison, result, by.model @ at.by, tuple(cop @ at.by for cop in by.cop)
 
     def terms(self, u: np.ndarray, *, derivatives: bool) -> list[Term]:
-        """The residuals at u. Raises SimulationError if the walk diverges."""
+        """The residuals at u."""
         c, result, force_by, cop_by = self.walk(u, derivatives=derivatives)
         rows = np.flatnonzero(c.scored)[:: max(1, round(STRIDE * 2e-3 / c.step_s))]
         model, measured = c.model[rows], c.measured[rows]

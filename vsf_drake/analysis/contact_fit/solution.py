@@ -92,11 +92,7 @@ class ContactFitSolution:
     def predict(
         self, trial: Trial, label: str | None, *, step_s: float, fulcrum_m: float | None = None
     ) -> tuple[Comparison, WalkResult]:
-        """A trial's walk with the fitted parameters beside its plate; `label` None if the trial was not fitted.
-
-        Raises:
-            SimulationError: the walk diverges.
-        """
+        """A trial's walk with the fitted parameters beside its plate; `label` None if the trial was not fitted."""
         self.check()
         if isinstance(self.end, PaperEnd):
             return self.fit.walk(trial, self.end.values, step_s=step_s, fulcrum_m=fulcrum_m)[:2]

@@ -18,13 +18,10 @@ MARKS = ("good", "doubtful", "unusable")
 GOOD_BW, DOUBTFUL_BW = 0.03, 0.10
 """Change of the force (body weights) up to which an error is good, and up to which doubtful. The smaller is what a
 curve merely stretched from another trial misses (2-3 %), the larger twice the published error of the model (5 %)."""
-HIP_BW_PER_DEG, ALIGNMENT_BW_PER_DEG, HEIGHT_BW_PER_MM = 0.075, 0.037, 0.028
 FITTED_HIP_BW_PER_DEG = 0.02
-FITTED_LAG_BW_PER_S = 2.5
-FITTED_SLIP_BW_PER_M_PER_S = (0.6, 0.25)
-"""What is left of a constant error of hip flexion, a lag, a slip of the whole person fore-aft and sideways once the
-offsets of the prosthesis are fitted, which take out height, alignment and most of a drift. Measured like the former on
-three walks of the exact reference subject, spoiled in one thing at a time; they agree to a factor of two."""
+"""What is left of a constant error of hip flexion once the offsets of the prosthesis are fitted, which take out height,
+alignment and most of a drift. Measured, as the other FITTED ones, on three walks of the exact reference subject,
+spoiled in one thing at a time; they agree to a factor of two."""
 EXPECTED = ("The mark is that of the expected error: by so much, root mean square over stance, what the checks can see "
             "would change the predicted force once the offsets are fitted (--fit-offsets). Good is below "
             f"{100 * GOOD_BW:.0f} % of body weight, doubtful below {100 * DOUBTFUL_BW:.0f} %; a check that is unusable "

@@ -56,16 +56,12 @@ class Examined:
 
 def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: float = 0.0,
             stated: Sequence[Check] = ()) -> Examined:
-    """Looks at one trial from every side.
+    """Looks at one trial, as loaded from joint angles or from markers, from every side.
 
     Args:
-        trial: as loaded, from joint angles or from markers.
         cutoff_hz: of the markers' filter; None where they were taken as filtered already.
         belt_speed_m_per_s: of the treadmill that `trial` is seen from.
         stated: checks that only the caller can make, on what was stated and what had to be estimated.
-
-    Raises:
-        InputError: the person's segments do not fit together.
     """
     model_feet, body = model_motion(trial.subject, trial.model, trial.trajectory, offsets=trial.offsets)
     feet = model_feet
@@ -98,11 +94,7 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
 
 
 def weighed(trial: Trial, *, belt_speed_m_per_s: float = 0.0) -> Check:
-    """The mass that the plates felt in a trial from markers, whatever the trial says it is.
-
-    Raises:
-        ValueError: the trial does not come from markers.
-    """
+    """The mass that the plates felt in a trial from markers, whatever the trial says it is."""
     if trial.tracked is None:
         raise ValueError("only a trial from markers knows which foot was where")
     feet, body = _tracked(trial, trial.tracked, belt_speed_m_per_s)

@@ -36,12 +36,8 @@ BALL = 0.7
 
 @dataclass(frozen=True, eq=False)
 class FootMotion:
-    """Points of one foot over time, (n, 3) m in W.
-
-    Attributes:
-        undeformed: whether the foot was put under the shank as a rigid body, or has its markers on a part that turns
-            with the shank, where the sole of a prosthetic foot bends and stays flat.
-    """
+    """Points of one foot over time, (n, 3) m in W; `undeformed` if it was put under the shank as a rigid body, or has
+    its markers on a part that turns with the shank, where the sole of a prosthetic foot bends and stays flat."""
 
     side: str
     time_s: np.ndarray  # (n,) evenly spaced
@@ -147,11 +143,7 @@ def model_motion(
 ) -> tuple[dict[str, FootMotion], CoordinateTrajectory]:
     """The feet of the model's person by side, and the body's centre of mass (x, y, z in W, m), at the trajectory's
     instants. `lowest_m` is that of the contact spheres; the heel and toe of the prosthesis, which sits under the person
-    with these offsets, are those of its flat sole below its rearmost and foremost sphere.
-
-    Raises:
-        InputError: the segments do not fit (see `plants.anthropometry.scale_body`), or a coordinate is missing.
-    """
+    with these offsets, are those of its flat sole below its rearmost and foremost sphere."""
     plant = MultibodyPlant(0.0)
     person = add_person(plant, subject, model)
     plant.Finalize()

@@ -8,24 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.recording import (
-    ALIGNMENT_BW_PER_DEG,
-    DOUBTFUL_BW,
-    FITTED_LAG_BW_PER_S,
-    FITTED_SLIP_BW_PER_M_PER_S,
-    GOOD_BW,
-    HEIGHT_BW_PER_MM,
-    Check,
-    at_most,
-    grade,
-    told,
-)
+from vsf_drake.analysis.recording import DOUBTFUL_BW, GOOD_BW, Check, at_most, grade, told
 from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity
 from vsf_drake.motion.events import Stance, longest_run
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 
+ALIGNMENT_BW_PER_DEG, HEIGHT_BW_PER_MM = 0.037, 0.028
+FITTED_LAG_BW_PER_S, FITTED_SLIP_BW_PER_M_PER_S = 2.5, (0.6, 0.25)
+"""What a fit of the offsets leaves of a lag, and of a slip of the whole person fore-aft and sideways."""
 MASS = (0.03, 0.10)
 """Error of the mass: a force is that share of body weight off."""
 MASS_ONE_FOOT = (0.06, 0.15)

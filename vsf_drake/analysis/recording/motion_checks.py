@@ -6,20 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.recording import (
-    DOUBTFUL_BW,
-    FITTED_HIP_BW_PER_DEG,
-    GOOD_BW,
-    HIP_BW_PER_DEG,
-    Check,
-    at_most,
-    grade,
-    told,
-    worst,
-)
+from vsf_drake.analysis.recording import DOUBTFUL_BW, FITTED_HIP_BW_PER_DEG, GOOD_BW, Check, at_most, grade, told, worst
 from vsf_drake.motion.events import longest_run
 from vsf_drake.motion.markers.segments import Gap
 
+HIP_BW_PER_DEG = 0.075
 MAIN = ("pelvis_tilt", "hip_flexion_r", "hip_flexion_l", "knee_angle_r", "knee_angle_l", "ankle_angle_r",
         "ankle_angle_l")
 """The sagittal angles, none of which is zero in a standing person."""
