@@ -15,14 +15,13 @@ from vsf_drake.analysis.tuning.recorded_curves import (
     foot_force,
     one_stride,
 )
-from vsf_drake.analysis.tuning.recorded_events import find_period
 from vsf_drake.analysis.tuning.recorded_projection import (
     body_points,
     make_misfit,
     project,
     sagittal_chain,
 )
-from vsf_drake.analysis.tuning.recorded_stride import force_errors
+from vsf_drake.analysis.tuning.recorded_stride import find_period, force_errors
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model

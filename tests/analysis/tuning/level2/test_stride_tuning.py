@@ -5,7 +5,7 @@ import pytest
 
 from vsf_drake.analysis.tuning.common import COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.search import StrideSearch, tracked
+from vsf_drake.analysis.tuning.level2.solve import StrideSearch, tracked
 from vsf_drake.analysis.tuning.level2.stride import MM, NEGATIVE, POSITIVE
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory

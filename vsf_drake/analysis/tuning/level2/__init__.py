@@ -4,8 +4,7 @@
     solution.fulcrum_mm, stride_table(solution)
 """
 
-from vsf_drake.analysis.tuning.level2.function import StrideOptions
-from vsf_drake.analysis.tuning.level2.search import StrideSolution, StrideTuning
-from vsf_drake.analysis.tuning.level2.solve import solve, stride_arrays, stride_table
+from vsf_drake.analysis.tuning.level2.solve import StrideSolution, StrideTuning, solve, stride_arrays, stride_table
+from vsf_drake.analysis.tuning.level2.stride import StrideOptions
 
 __all__ = ["StrideOptions", "StrideSolution", "StrideTuning", "solve", "stride_arrays", "stride_table"]
