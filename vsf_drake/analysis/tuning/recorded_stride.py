@@ -17,18 +17,9 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from vsf_drake.analysis.tuning import recorded_curves as periodic
+from vsf_drake.analysis.tuning import recorded_projection as sagittal
 from vsf_drake.analysis.tuning.recorded_curves import FootForce, PeriodicCurves, Span
-from vsf_drake.analysis.tuning.recorded_projection import (
-    FEET,
-    TILT,
-    TX,
-    BodyPoints,
-    SagittalChain,
-    body_points,
-    make_misfit,
-    project,
-    sagittal_chain,
-)
+from vsf_drake.analysis.tuning.recorded_projection import FEET, TILT, TX, BodyPoints, SagittalChain
 from vsf_drake.errors import InputError
 from vsf_drake.motion.contacts import TOLERANCE_S, WIDEN_S
 from vsf_drake.motion.events import Stance, find_stances, kinematic_stances, walking_direction
@@ -122,8 +113,8 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
     path = periodic.periodic_acceleration(time - start, rates, weights, T)
     inside = (time >= span[0]) & (time <= span[1])
     t, wanted, recorded, weights = time[inside] - start, wanted[inside], recorded[inside], weights[inside]
-    misfit = make_misfit(chain, wanted, recorded, ground=points.ground)
-    projected, shift, converged = project(misfit)
+    misfit = sagittal.make_misfit(chain, wanted, recorded, ground=points.ground)
+    projected, shift, converged = sagittal.project(misfit)
     advance = periodic.advance_of(t, projected[:, TX], T)
 
     def forces_with(advance: float) -> dict[str, FootForce]:
@@ -164,8 +155,8 @@ def _shown(trial: Trial, walker: Walker | None) -> tuple[slice, BodyPoints, Sagi
                          f"{trial.subject.prosthetic_side}", file=trial.path, where="subject.prosthetic_side")
     rate = (len(motion.time_s) - 1) / (motion.end_s - motion.start_s)
     rows = slice(None, None, max(1, round(rate / MOST_HZ)))
-    points = body_points(walker, trial.offsets, motion.names, motion.values[rows], fulcrum_m=trial.fulcrum_m)
-    return rows, points, sagittal_chain(walker, trial.offsets, fulcrum_m=trial.fulcrum_m)
+    points = sagittal.body_points(walker, trial.offsets, motion.names, motion.values[rows], fulcrum_m=trial.fulcrum_m)
+    return rows, points, sagittal.sagittal_chain(walker, trial.offsets, fulcrum_m=trial.fulcrum_m)
 
 
 def _along(motion: CoordinateTrajectory, names: tuple[str, ...], points: BodyPoints, forward: np.ndarray,
