@@ -25,8 +25,6 @@ from vsf_drake.report.style import (
     drawing,
     label,
     log_scale,
-    new_figure,
-    style,
 )
 
 LONGEST = 60
@@ -356,8 +354,7 @@ def fit_trial_figure(trial: Mapping[str, Any], curves: Mapping[str, np.ndarray])
     forces = (("Resultant", "", [np.linalg.norm(force, axis=1) for force in both], "grf_rmse_bw"),
               ("Fore-aft", "forward ", [force[:, 0] for force in both], "fore_aft_rmse_bw"))
     looks: list[dict[str, Any]] = [{"color": colour, **MEASURED}, {"color": colour, **SIMULATED}]
-    with style():
-        figure = new_figure(11.0, 3.1)
+    with drawing(11.0, 3.1) as figure:
         panels = figure.subplots(1, 3)
         windows = metrics["scored_window_s"] or [[float(time[0]), float(time[-1])]]
         for axes, (name, forward, pair, key) in zip(panels, forces, strict=False):
@@ -383,8 +380,7 @@ def fit_trial_figure(trial: Mapping[str, Any], curves: Mapping[str, np.ndarray])
         figure.suptitle(f"{trial['label']}: {trial['role']}, fulcrum {trial['fulcrum_mm']:g} mm{kind}", x=0.01,
                         ha="left", fontsize=11)
         figure.set_layout_engine("constrained", w_pad=0.08)
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # there are many of these, and to lay them out takes as long as to draw them
+    figure.set_layout_engine("none")  # there are many of these, and to lay them out takes as long as to draw them
     return figure
 
 

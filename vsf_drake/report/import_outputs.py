@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vsf_drake.analysis.intake import Intake
-from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, expected_error
-from vsf_drake.analysis.recording.examine import Examined, mass_budget, overall_mark, person_table, trial_table
+from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, expected_error, worst
+from vsf_drake.analysis.recording.examine import Examined, mass_budget, person_table, trial_table
 from vsf_drake.analysis.recording.foot import flat_phase
 from vsf_drake.analysis.recording.motion_checks import RESIDUAL_M
 from vsf_drake.files import write_text
@@ -60,7 +60,7 @@ def write_import(intake: Intake, out: Path) -> dict[str, Any]:
             intake.items, title=f"Import of {first.trial.subject.name}", person=first, failures=failures))
 
     return IMPORT.write(out, {
-        "kind": "import", "mark": "unusable" if intake.failures else overall_mark(intake.items),
+        "kind": "import", "mark": "unusable" if intake.failures else worst(item.mark for item in intake.items),
         "trials": [trial_table(item) for item in intake.items], "failures": intake.failures, **person_table(first),
         **provenance(intake.inputs)}, more=more)
 
@@ -70,7 +70,7 @@ def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Pat
     person = items[0] if len({item.trial.subject for item in items}) == 1 else None
     page = import_page(items, title="Check of recordings", person=person, failures=failures)
     return CHECK.write(out, {
-        "kind": "check", "mark": "unusable" if failures else overall_mark(items),
+        "kind": "check", "mark": "unusable" if failures else worst(item.mark for item in items),
         "trials": [{**trial_table(item), **person_table(item), "manifest": str(item.trial.path)} for item in items],
         "failures": failures, **provenance()}, more=lambda folder, table: write_text(folder / "check.html", page))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.recording import Check, expected_error, force_checks, motion_checks, overall, told, worst
+from vsf_drake.analysis.recording import Check, expected_error, force_checks, motion_checks, overall, told
 from vsf_drake.analysis.recording.foot import (
     FootMotion,
     flat_phase,
@@ -232,11 +232,6 @@ def trial_table(item: Examined) -> dict[str, Any]:
             "residual_rms_m": dict(tracked.residual_rms_m), "cluster_motion_m": dict(tracked.cluster_motion_m),
             "joint_gap_m": dict(tracked.joint_gap_m), "gaps": [dataclasses.asdict(gap) for gap in tracked.gaps]}
     return table
-
-
-def overall_mark(items: Sequence[Examined]) -> str:
-    """The worst mark of all trials."""
-    return worst(item.mark for item in items)
 
 
 def person_table(item: Examined) -> dict[str, Any]:
