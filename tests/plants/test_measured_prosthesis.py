@@ -7,7 +7,7 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.motion.markers.calibration import prosthesis_of
-from vsf_drake.motion.markers.frames import Anatomy
+from vsf_drake.motion.markers.joints import Anatomy
 from vsf_drake.motion.markers.segments import FootPoints
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import sole_height

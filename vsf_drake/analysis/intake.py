@@ -60,9 +60,7 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
             ) -> Intake:
     """Reads, calibrates, tracks and checks every walk; `progress` is told what is done and the finished fraction.
 
-    Raises:
-        InputError: something that no recording tells is not stated; the standing trial cannot be used; or no
-            walk can (of several walks, one that cannot be used is only listed).
+    Of several walks, one that cannot be used is only listed; refused if none can.
     """
     check_facts(options.person)
     fulcrums_m = _fulcrums(options, len(files.walks))
@@ -176,11 +174,8 @@ def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -
 
 def _make_trial(files: FileSet, number: int, standing: Recording | None, marker_map: MarkerMap | None,
                 options: IntakeOptions, fulcrums_m: Sequence[float], calibration: Calibration | None) -> Trial:
-    """The trial of one walk: read, calibrated, tracked, weighed.
-
-    Where the fulcrums of the walks differ, that of the standing trial is taken to be mid-range. `calibration` is that
-    of another walk, where no standing trial is there to make one.
-    """
+    """The trial of one walk: read, calibrated, tracked, weighed; without a standing trial, with the `calibration` of
+    another walk. Where the fulcrums of the walks differ, that of the standing trial is taken to be mid-range."""
     walk, forces = files.walks[number], files.forces[number]
     recording = read_trial(walk, forces=forces, **options.laboratory)
     if not recording.plates:
@@ -229,11 +224,8 @@ class FileSet:
 
 
 def gather(standing: Path, walks: Sequence[Path], forces: Sequence[Path] = ()) -> FileSet:
-    """The files that belong together.
-
-    `standing` is one of `walks` where there is no standing trial; `forces` are the walks' force files in their order,
-    or none. Refused if a file is missing, a walk is given twice, or there are not as many forces as walks.
-    """
+    """The files that belong together: `standing` is one of `walks` where there is no standing trial; `forces` are the
+    walks' force files in their order, or none."""
     standing, walks, forces = user_path(standing), [user_path(p) for p in walks], [user_path(p) for p in forces]
     for path in (standing, *walks, *forces):
         if not path.is_file():

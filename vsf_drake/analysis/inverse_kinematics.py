@@ -227,12 +227,10 @@ def make_marker_model(calibration: Calibration, segments: Mapping[str, SegmentMa
 
 def _add_skeleton(plant: MultibodyPlant, body: Body, prosthetic_side: str, p_ShankAnkle: np.ndarray
                   ) -> dict[str, RigidBody]:
-    """Adds the person's joints without mass, 24 coordinates; returns the seven bodies by the names of `SEGMENTS`.
+    """Adds the person's joints without mass, as `person.add_person` does, 24 coordinates; the bodies of `SEGMENTS`.
 
-    Joints, their order, axes and places are those of `person.add_person`, made by the same functions. Only the
-    prosthetic side differs below the knee: there the model has socket, pylon and foot, whose bending no marker set
-    resolves, and the skeleton has a shank of the measured length with an ankle at `p_ShankAnkle` (3,) m, so that a foot
-    that deforms need not turn its shank.
+    Only the prosthetic side differs below the knee: there the model has socket, pylon and foot, whose bending no marker
+    set resolves, and the skeleton has a shank of the measured length with an ankle at `p_ShankAnkle` (3,) m.
     """
     instance = plant.AddModelInstance("skeleton")
     bodies = {name: plant.AddRigidBody(name, instance, SpatialInertia.Zero()) for name in SEGMENTS}

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from scipy.ndimage import median_filter
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import (
-    MINIMUM_PEAK_N,
     MINIMUM_S,
     THRESHOLD_N,
     Span,
@@ -103,14 +101,12 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
 
     The recording is on the clock of `time_s` (n,), that of the feet, by side, and of a point of the pelvis, (n, 3) m.
     Plate names by side as `stated` by the user win over the centre of pressure, and a contradiction is noted. Refused
-    where plates are not there, not loaded while the feet are seen, not upright, or mostly far from both feet.
+    where plates are not there, not loaded while the feet are seen, or mostly far from both feet.
     """
     file = recording.force_path or recording.path
     if not recording.plates:
         raise InputError("has no force plates", file=file, where="forces (--forces)",
                          right="Name the file that has the forces")
-    for plate in recording.plates:
-        _check_upward(plate, file)
     names = {name: side for side, name in (stated or {}).items() if name is not None}
     known = [plate.name for plate in recording.plates]
     for name, side in names.items():
@@ -161,24 +157,7 @@ def _check_near(found: Sequence[_Load], recording: Recording, time_s: np.ndarray
                   "centre of pressure, laboratory.up (--up) and laboratory.forward (--forward)")
 
 
-# Force plates that cannot be right: upside down, on their side, the same one twice.
-
-
-def _check_upward(plate: Plate, file: Path) -> None:
-    where = f"plate {plate.name}"
-    if not np.isfinite(plate.force_n).all():
-        row = int(np.argwhere(~np.isfinite(plate.force_n))[0][0])
-        raise InputError(f"the force of sample {row + 1} is not a finite number", file=file, where=where)
-    size = np.linalg.norm(plate.force_n, axis=1)
-    if size.max(initial=0.0) < MINIMUM_PEAK_N:
-        return
-    mean = plate.force_n[size > 0.3 * size.max()].mean(axis=0)
-    if np.argmax(np.abs(mean)) != 2:
-        raise InputError("the largest part of its force is not vertical", file=file, where=where,
-                         right="Say which axis of the file is up, laboratory.up (--up), and check the plate's corners")
-    if mean[2] < 0.0:
-        raise InputError(f"its vertical force is negative ({mean[2]:.4g} N)", file=file, where=where,
-                         right="The force of the ground on the person is needed, up positive: turn its sign")
+# Force plates that cannot be right: the same one twice.
 
 
 def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Plate], list[str]]:
@@ -334,10 +313,8 @@ def _judge_sharing(load: _Load, found: Sequence[_Load], floor: _FeetOnFloor) -> 
 
 
 def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
-    """(k,) whether a foot may be on the plate: some point of its line lies within half a shoe of it.
-
-    A foot beside the plate cannot load it, however far the centre of pressure is from the other foot: that one's
-    line ends too early where its toe marker is on the metatarsals.
+    """(k,) whether some point of a foot's line lies within half a shoe of the plate. One beside it cannot load it,
+    however far the centre of pressure is from the other foot, whose line ends early with a marker on its metatarsals.
     """
     sides = corners_m[:, :2] - corners_m[:, :2].mean(axis=0)
     wider = corners_m[:, :2] + BESIDE_M * np.sqrt(2.0) * sides / np.linalg.norm(sides, axis=1, keepdims=True)
@@ -399,11 +376,8 @@ def _with_tails(load: _Load) -> Span:
 
 def _unmeasured(found: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
                 record: Span) -> tuple[dict[str, tuple[Span, ...]], dict[int, str]]:
-    """Stances that the plates miss, by side, and doubts about the loads that cover them in part, by index in `found`.
-
-    A stance of which more than 0.12 s is on no plate is unmeasured as a whole: half of it cannot be compared. `record`
-    is where both forces and feet are known.
-    """
+    """Stances of which more than 0.12 s is on no plate, by side, as a whole: half of one cannot be compared; and doubts
+    about the loads that cover them in part, by index in `found`. `record` is where both forces and feet are known."""
     missing: dict[str, tuple[Span, ...]] = {}
     doubts: dict[int, str] = {}
     for side in SIDES:

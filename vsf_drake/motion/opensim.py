@@ -101,11 +101,8 @@ def _turn_knees(storage: Storage, values: dict[str, np.ndarray]) -> list[str]:
 
 
 def _check_angles(storage: Storage, angles: dict[str, np.ndarray], labels: dict[str, str], *, degrees: bool) -> None:
-    """Refuses angles that no joint has in the unit they are said to be in.
-
-    That is above 3.5 rad; or all angles vary by less than 3 "degrees" and stay below 3.5 "degrees", which is a walk in
-    radians; or an angle jumps by more than 0.5 rad, faster than 20 rad/s, from one instant to the next.
-    """
+    """Refuses angles above 3.5 rad; all within 3 "degrees" and below 3.5, which is a walk in radians; or with a jump of
+    more than 0.5 rad, faster than 20 rad/s, from one instant to the next."""
     unit = np.radians(1.0) if degrees else 1.0
     for name, values in angles.items():
         row = int(np.argmax(np.abs(values)))

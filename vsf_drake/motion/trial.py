@@ -28,11 +28,11 @@ from vsf_drake.motion.manifest import (
     with_stated,
 )
 from vsf_drake.motion.markers.calibration import calibrate
-from vsf_drake.motion.markers.frames import prepared
 from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
 from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, choose_map, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts, with_files
+from vsf_drake.motion.markers.posture import prepared
 from vsf_drake.motion.markers.segments import Calibration, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
 from vsf_drake.motion.opensim import HEAVIEST_BW, assign_prefixes, read_kinematics, read_plate

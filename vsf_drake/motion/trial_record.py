@@ -90,7 +90,6 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list
 
     Over a stride the body's vertical momentum returns, so the mean force is the weight. Only strides, from one strike
     of a foot on a plate to its next, in which both feet stand on plates throughout, count; the mean of all is taken.
-    Refused if there is no such stride, or the mass is nobody's.
     """
     time = walk.force_time_s
     vertical = sum(plate.force_W[:, 2] for plate in assignment.plates.values())

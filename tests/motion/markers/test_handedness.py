@@ -11,8 +11,8 @@ from made_standing import EVEN, FLEXED, assert_truth, calibrated, standing
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Plate
-from vsf_drake.motion.markers.frames import NOTE, prepared
 from vsf_drake.motion.markers.maps import load_marker_map
+from vsf_drake.motion.markers.posture import NOTE, prepared
 
 
 def test_axes_of_a_left_hand_are_mirrored_with_a_note():

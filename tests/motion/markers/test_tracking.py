@@ -12,8 +12,8 @@ from made_person import Person, markers, poses, recording_of, walking_angles
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
-from vsf_drake.motion.markers.frames import prepared
 from vsf_drake.motion.markers.maps import load_marker_map
+from vsf_drake.motion.markers.posture import prepared
 from vsf_drake.motion.markers.tracking import track
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 

@@ -20,7 +20,7 @@ from vsf_drake.analysis.recording.foot import (
 )
 from vsf_drake.motion.events import Stance, find_stances, kinematic_stances, walking_direction
 from vsf_drake.motion.formats.recording import SIDES, os_to_world
-from vsf_drake.motion.markers.frames import NOTE
+from vsf_drake.motion.markers.posture import NOTE
 from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial_record import Trial, on_the_belt

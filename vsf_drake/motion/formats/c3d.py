@@ -387,11 +387,8 @@ class _C3d:
         self.first_frame = trial[0] if trial and own else max(first_frame, 1)
 
     def _subframes(self, total: int) -> int:
-        """Analog samples a frame of `total` numbers: the header's where they divide it, but where parameters agree.
-
-        ANALOG:USED channels and the rates of ANALOG and POINT each give a number; where both give the same, that
-        counts, else the header's, else the one of the two that divides. 0 where none does.
-        """
+        """Analog samples a frame of `total` numbers: what ANALOG:USED and the rates of ANALOG and POINT both give, else
+        the header's, else the one of the two that divides; 0 where none does."""
         used, fast, slow = (self.number(name) or 0.0 for name in ("ANALOG:USED", "ANALOG:RATE", "POINT:RATE"))
         by_channels = total / used if used >= 1.0 else 0.0
         by_rate = fast / (slow or self.rate_hz or np.inf)

@@ -181,9 +181,8 @@ def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[st
                      title: str | None = None) -> None:
     """Writes plates (by key, in W) as OpenSim's external loads (.mot or .sto), in N, m and N m.
 
-    Columns are ground_force_<key>_vx to _vz and _px to _pz, and ground_torque_<key>_x to _z; the key is "r" or "l", or
-    a plate's name. Where a plate is not loaded, its centre of pressure is written as 0, for OpenSim needs numbers; a
-    plate that has none under load gets no such columns.
+    Columns are ground_force_<key>_vx to _vz and _px to _pz, and ground_torque_<key>_x to _z; the key is "r", "l" or a
+    plate's name. An unloaded plate's centre of pressure is 0; a plate that has none under load gets no such columns.
     """
     blocks: dict[str, np.ndarray] = {}
     for key, plate in plates.items():

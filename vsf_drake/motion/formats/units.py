@@ -196,9 +196,8 @@ def check_clock(time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int 
     """The instants of a recording, freed from rounding, and what is doubtful about them; refused if they are no clock.
 
     Recordings at 60 Hz often carry times such as 0.4, 0.417, 0.433; differentiated twice, that rounding alone makes
-    accelerations of tens of rad/s^2. What is truly uneven, or already even to a microsecond, stays as it is. `lines`
-    are the file's, of each time, and `rows` how many are needed; time must increase without a step longer than 0.1 s or
-    five median steps.
+    accelerations of tens of rad/s^2. What is truly uneven, or already even to a microsecond, stays as it is. Time must
+    increase without a step longer than 0.1 s or five median steps; `lines` are the file's, of each.
     """
     time, doubts = time_s, list[str]()
     if len(time) < rows:

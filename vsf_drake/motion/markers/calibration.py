@@ -16,17 +16,27 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import SIDES, Recording
-from vsf_drake.motion.markers.frames import NOTE, Anatomy, facing, find_anatomy, right_handed, typical
-from vsf_drake.motion.markers.joints import COORDINATES, HIP_METHODS, coordinates_of, joint_angles
+from vsf_drake.motion.markers.joints import (
+    COORDINATES,
+    HIP_METHODS,
+    Anatomy,
+    coordinates_of,
+    find_anatomy,
+    joint_angles,
+)
 from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
 from vsf_drake.motion.markers.posture import (
     MID_FULCRUM_M,
+    NOTE,
     Posture,
+    facing,
     find_posture,
     forefoot_labels,
     measured_under,
+    right_handed,
     settling,
+    typical,
 )
 from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
@@ -45,7 +55,7 @@ def calibrate(
     Args:
         standing: a standing trial with the soles flat on the floor z = 0, or a walk in its stead.
         marker_map: says what the labels are; labels in the result are in its spelling, sides as in a right-handed frame
-            (`frames.prepared` brings other recordings to both).
+            (`posture.prepared` brings other recordings to both).
         person: what is stated beside the markers.
         hip: one of `joints.HIP_METHODS`; Harrington's full regression by default.
         model, fulcrum_m: the prosthesis (nominal if None) and where its fulcrum stood; they tell how much longer it
@@ -144,8 +154,7 @@ def _foot_points(side: str, segment: SegmentMarkers, posture: Posture, anatomy: 
                  ) -> FootPoints:
     """Heel and tip of the sole in the foot's frame, on the line from the heel marker along the foot.
 
-    The heel's rearmost point lies one marker radius and base plate ahead of the heel marker's centre. The tip is below
-    the marker on it, else as far ahead as `BALL_RATIO` says.
+    The heel's rearmost point lies one marker radius and base plate ahead of the heel marker's centre.
     """
     places = dict(zip(segment.labels, segment.p_BM, strict=True))
     at = {role: places[label] for role in ("heel", "toe_tip", *BALL_RATIO)

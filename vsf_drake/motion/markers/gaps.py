@@ -167,11 +167,10 @@ def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray 
 
 
 def _placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int, stop: int) -> tuple[int, np.ndarray]:
-    """Where point `own` of a rigid cluster is in a gap [start, stop), of p_BM (k, 3) and p_WM (frames, k, 3) m.
+    """The first frame of a gap [start, stop) that could be filled, and (n, 3) m from there on, of a cluster's point.
 
-    It has the offset from the others' pose that it has at the gap's edges, in the segment's frame, passed linearly from
-    one edge to the other. Gives the first frame that could be filled and (n, 3) m from there on: all of the gap where
-    enough others are seen throughout, at an end of the recording as far out as they are seen without a break.
+    p_BM (k, 3), p_WM (frames, k, 3) m. It has the offset from the others' pose that it has at the gap's edges, in the
+    segment's frame, passed linearly from one to the other; at an end of the recording, as far as they are seen.
     """
     frames, nothing = len(p_WM), np.empty((0, 3))
     first, last = max(start - 1, 0), min(stop + 1, frames)

@@ -1,31 +1,174 @@
-"""Joints: their centres from surface markers, and their coordinates from segments' orientations. Pure functions.
+"""Anatomical frames of the seven segments from labelled points; joint centres; joint coordinates.
 
-Points are (..., 3) in m. Hip regressions give (forward, up, lateral towards the limb) from the midpoint of the anterior
-superior iliac spines, in the pelvis frame of Wu et al. (2002), from PW (inter-ASIS width), PD (mid-ASIS to mid-PSIS)
-and LL (ASIS to medial malleolus):
+Each frame has x forward, y left, z up when the person stands straight:
 
-    Harrington et al. 2007, doi 10.1016/j.jbiomech.2006.02.003; the forms with PW only and LL only as in
-        Sangeux et al. 2015 and the public pyCGM2
-    Hara et al. 2016, doi 10.1038/srep37707
-    Bell et al. 1990, doi 10.1016/0021-9290(90)90054-7, with 0.30 PW for the vertical as HAS-Motion's CODA pelvis has
-    Davis et al. 1991, doi 10.1016/0167-9457(91)90046-Z
+    pelvis  after Wu et al. (2002, doi 10.1016/S0021-9290(01)00222-6): origin midway between the ASIS, y along them,
+            x in the plane of the ASIS and the midpoint of the PSIS (the sacrum marker without them)
+    thigh   origin hip centre, z from knee to hip centre, y along the epicondyles
+    shank   origin knee centre, z from ankle to knee centre, y along the malleoli; without a medial one along the
+            knee's axis, which makes knee rotation zero while standing
+    foot    origin ankle centre, z vertical and x along heel to toe while the sole is flat on the floor
 
-Harrington's and Hara's start from the bone, the pelvis' origin here lies at the markers' centres: their forward
-coordinate is reduced by the marker's radius and base plate, as pyCGM2 does. Davis' formula holds the radius itself;
-Bell's is used as published.
+Wu's calcaneus frame is parallel to the shank's in a neutral posture; ours lies on the sole, so that the model's foot is
+flat when the person stands, and the ankle's coordinates while standing are not zero.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from vsf_drake.motion.formats.recording import SIDES, os_to_world, world_to_os
-from vsf_drake.motion.markers.segments import PARENTS
+from vsf_drake.motion.markers.person_facts import PersonFacts, joint_width_m
+from vsf_drake.motion.markers.posture import Posture
+from vsf_drake.motion.markers.segments import FEWEST_MARKERS, PARENTS, mean_shape, rigid_poses
 from vsf_drake.parameters import PELVIS_COORDINATES, leg_coordinates
 from vsf_drake.sentences import say
+
+LEAST_HINGE_RAD = np.radians(30.0)  # a knee that turns less than this does not show its axis (a choice)
+ODD_HINGE_RAD = np.radians(30.0)
+"""A functional knee axis that departs more than this from the pelvis' sideways one is doubtful (a choice)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """Frames in W over the n frames of a posture."""
+
+    R_W: dict[str, np.ndarray]  # (n, 3, 3) by segment; the feet's are NaN where they are not flat
+    p_W: dict[str, np.ndarray]  # (n, 3) m
+    lengths_m: dict[str, float]  # pelvis_width, pelvis_depth, leg_length, as the hip regression took them
+    method: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def find_anatomy(posture: Posture, person: PersonFacts, hip: str) -> Anatomy:
+    """The segments' frames, from pelvis to feet; `hip` is one of `joints.HIP_METHODS`."""
+    made = _Builder(posture, person)
+    lengths = made.pelvis(hip)
+    up = np.array([0.0, 0.0, 1.0])
+    for side in SIDES:
+        hip_centre = made.p[f"thigh_{side}"]
+        knee, knee_axis = made.joint("knee", side, hip_centre, made.R["pelvis"][..., :, 1])
+        made.R[f"thigh_{side}"], made.p[f"shank_{side}"] = frame_from(hip_centre - knee, knee_axis), knee
+        ankle, ankle_axis = made.joint("ankle", side, knee, made.R[f"thigh_{side}"][..., :, 1])
+        made.R[f"shank_{side}"], made.p[f"foot_{side}"] = frame_from(knee - ankle, ankle_axis), ankle
+        along = posture.forefoot(side) - posture.needed(f"heel_{side}")
+        foot = frame_from(np.broadcast_to(up, along.shape), np.cross(up, along))
+        foot[~posture.foot_flat[side]] = np.nan
+        made.R[f"foot_{side}"] = foot
+    return Anatomy(made.R, made.p, lengths, tuple(dict.fromkeys(made.method)), tuple(dict.fromkeys(made.notes)))
+
+
+class _Builder:
+    """Goes down from pelvis to feet, keeping what it decided."""
+
+    def __init__(self, posture: Posture, person: PersonFacts) -> None:
+        self.posture, self.found, self.person = posture, posture.found, person
+        self.at, self.needed = posture.at, posture.needed
+        self.R: dict[str, np.ndarray] = {}
+        self.p: dict[str, np.ndarray] = {}
+        self.method: list[str] = []
+        self.notes: list[str] = []
+
+    def pelvis(self, hip: str) -> dict[str, float]:
+        asis_r, asis_l, back = self.needed("asis_right"), self.needed("asis_left"), self.posture.pelvis_back()
+        if any(self.at(f"psis_{side}") is None for side in SIDES):
+            self.notes += say("markers", "sacrum")
+        self.R["pelvis"], self.p["pelvis"] = pelvis_frame(asis_r, asis_l, back)
+        width = float(np.nanmedian(np.linalg.norm(asis_r - asis_l, axis=-1)))
+        depth = float(np.nanmedian(np.linalg.norm(self.p["pelvis"] - back, axis=-1)))
+        leg = self.leg_length(hip)
+        forward, up, lateral = hip_offset(
+            hip, pelvis_width=width, pelvis_depth=depth, leg_length=leg, base_plate=1e-3 * self.person.base_plate_mm,
+            marker_radius=1e-3 * self.person.marker_radius_mm)
+        for side, out in (("right", -1.0), ("left", 1.0)):
+            self.p[f"thigh_{side}"] = self.p["pelvis"] + self.R["pelvis"] @ np.array([forward, out * lateral, up])
+        self.method += say("markers", "hips", method=hip, width=width, depth=depth, leg=leg)
+        return {"pelvis_width": width, "pelvis_depth": depth, "leg_length": leg}
+
+    def leg_length(self, hip: str) -> float:
+        """ASIS over the knee to the malleolus of the intact leg, medial markers where there are any."""
+        if self.person.leg_length_mm is not None:
+            return 1e-3 * self.person.leg_length_mm
+        side = "left" if self.person.prosthetic_side == "right" else "right"
+        asis, knee, ankle = self.needed(f"asis_{side}"), self.at(f"knee_medial_{side}"), self.at(f"ankle_medial_{side}")
+        knee = self.needed(f"knee_lateral_{side}") if knee is None else knee
+        if ankle is None:
+            ankle = self.needed(f"ankle_lateral_{side}")
+            if hip in NEEDS_LEG_LENGTH:
+                self.notes += say("markers", "lateral_leg")
+        return float(np.nanmedian(np.linalg.norm(asis - knee, axis=-1) + np.linalg.norm(knee - ankle, axis=-1)))
+
+    def joint(self, name: str, side: str, proximal: np.ndarray, sideways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Centre of a knee or ankle under the `proximal` joint's, and its axis; all axes are to the left.
+
+        Without a medial marker a knee's axis is through its centre, an ankle's is `sideways`.
+        """
+        left = 1.0 if side == "right" else -1.0
+        role = f"{'thigh' if name == 'knee' else 'shank'}_plane_{side}"
+        lateral, medial, plane = self.needed(f"{name}_lateral_{side}"), self.at(f"{name}_medial_{side}"), self.at(role)
+        alone = name == "knee" and medial is None and plane is None
+        hinge = self.hinge(side, left * sideways) if alone else None
+        width, source = joint_width_m(self.person, name)
+        self.method += say("markers", name, side=side, width=source, medial=medial is not None,
+                           plane=plane is not None and self.found.roles[role], hinge=hinge is not None)
+        if medial is not None:
+            return 0.5 * (lateral + medial), left * (medial - lateral)
+        distance = 0.5 * width + 1e-3 * self.person.marker_radius_mm
+        medially = left * sideways if hinge is None else hinge
+        centre = (beside(proximal, lateral, medially, distance) if plane is None else
+                  chord(proximal, lateral, plane, medially, distance))
+        self.notes += say("markers", "no_knee_axis", side=side) if alone and hinge is None else []
+        return centre, left * (centre - lateral) if name == "knee" else sideways
+
+    def hinge(self, side: str, medially: np.ndarray) -> np.ndarray | None:
+        """(n, 3) the knee's functional axis, pointing medially in W; None where the recording does not show it."""
+        if self.posture.still:
+            return None
+        thigh, shank = (self.cluster(f"{segment}_{side}") for segment in ("thigh", "shank"))
+        if thigh is None or shank is None:
+            return None
+        a, turned = hinge_axis(thigh.swapaxes(-1, -2) @ shank)
+        if turned < LEAST_HINGE_RAD:
+            return None
+        axis = thigh @ a
+        along = float(np.nanmedian(np.sum(axis * medially, axis=-1)))
+        if abs(along) < np.cos(ODD_HINGE_RAD):
+            self.notes += say("markers", "odd_hinge", side=side, degrees=np.degrees(np.arccos(abs(along))))
+        return axis * np.sign(along)
+
+    def cluster(self, segment: str) -> np.ndarray | None:
+        """(n, 3, 3) orientation of a segment's markers against their mean shape; None with fewer than three."""
+        labels = [m for m in self.found.segments[segment] if m in self.posture.points]
+        if len(labels) < FEWEST_MARKERS:
+            return None
+        x = np.stack([self.posture.points[label] for label in labels], axis=1)
+        whole = x[np.isfinite(x).all(axis=(1, 2))]
+        if not len(whole):
+            return None
+        poses = rigid_poses(mean_shape(whole[0] - whole[0].mean(axis=0), x), x)
+        return poses.R_WB if poses.found.any() else None
+
+
+# Joint centres from surface markers. Points are (..., 3) in m.
+#
+# Hip regressions give (forward, up, lateral towards the limb) from the midpoint of the anterior
+# superior iliac spines, in the pelvis frame of Wu et al. (2002), from PW (inter-ASIS width), PD (mid-ASIS to mid-PSIS)
+# and LL (ASIS to medial malleolus):
+#
+#     Harrington et al. 2007, doi 10.1016/j.jbiomech.2006.02.003; the forms with PW only and LL only as in
+#         Sangeux et al. 2015 and the public pyCGM2
+#     Hara et al. 2016, doi 10.1038/srep37707
+#     Bell et al. 1990, doi 10.1016/0021-9290(90)90054-7, with 0.30 PW for the vertical as HAS-Motion's CODA pelvis has
+#     Davis et al. 1991, doi 10.1016/0167-9457(91)90046-Z
+#
+# Harrington's and Hara's start from the bone, the pelvis' origin here lies at the markers' centres: their forward
+# coordinate is reduced by the marker's radius and base plate, as pyCGM2 does. Davis' formula holds the radius itself;
+# Bell's is used as published.
+
 
 HIP_METHODS = ("harrington", "harrington_pw", "harrington_ll", "hara", "bell", "davis")
 NEEDS_LEG_LENGTH = ("harrington", "harrington_ll", "hara", "davis")

@@ -182,26 +182,18 @@ def _block(role: str) -> tuple[str, str]:
 ALIKE = 0.75  # least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)
 VIRTUAL = ("HJC", "KJC", "AJC")
 """Endings of computed points that some files hold beside the markers; they are not guessed for anything."""
-WORDS = {
-    "asis": ("asis", "asi", "ias", "iliacanterior"), "psis": ("psis", "psi", "ips", "iliacposterior"),
-    "trochanter": ("trochanter", "troc", "gtr", "ftc"),
-    "knee_medial": (
-        "kneemed", "kneem", "kneeint", "medknee", "medialknee", "mknee", "femmed", "condylemed", "medcon", "fme",
-        "mek"),
-    "knee_lateral": (
-        "kneelat", "kneel", "kneeext", "latknee", "lateralknee", "lknee", "femlat", "condylelat", "latcon", "knee",
-        "fle", "lek"),
-    "ankle_medial": ("anklemed", "anklem", "ankleint", "medankle", "mankle", "malmed", "medmal", "mmal", "tam"),
-    "ankle_lateral": (
-        "anklelat", "anklel", "ankleext", "latankle", "lankle", "mallat", "latmal", "lmal", "ankle", "fal"),
-    "heel": ("heel", "calc", "cal", "fcc"), "toe_tip": ("toetip", "hallux", "toe"),
-    "toe": ("mt2", "met2", "mth2", "2mt", "2met", "2mth", "fm2", "fmt2"),
-    "met1": ("mt1", "met1", "mth1", "1mt", "1met", "1mth", "fm1", "fmt1"),
-    "met5": ("mt5", "met5", "mth5", "5mt", "5met", "5mth", "fm5", "fmt5"),
-    "thigh": ("thigh", "th", "femur", "fem", "lthi"),
-    "shank": ("shank", "sh", "sk", "lsha", "tibia", "tib", "calf", "leg", "fax", "ttc"), "foot": ("foot", "midfoot"),
-    "sacrum": ("sacrum", "sacral", "sacr", "sac"), "head_top": ("tophead", "headtop", "vertex"),
-    "pelvis": ("iliaccrest", "crest", "pelvis")}
+WORDS = {role: tuple(words.split()) for role, words in {
+    "asis": "asis asi ias iliacanterior", "psis": "psis psi ips iliacposterior",
+    "trochanter": "trochanter troc gtr ftc",
+    "knee_medial": "kneemed kneem kneeint medknee medialknee mknee femmed condylemed medcon fme mek",
+    "knee_lateral": "kneelat kneel kneeext latknee lateralknee lknee femlat condylelat latcon knee fle lek",
+    "ankle_medial": "anklemed anklem ankleint medankle mankle malmed medmal mmal tam",
+    "ankle_lateral": "anklelat anklel ankleext latankle lankle mallat latmal lmal ankle fal",
+    "heel": "heel calc cal fcc", "toe_tip": "toetip hallux toe", "toe": "mt2 met2 mth2 2mt 2met 2mth fm2 fmt2",
+    "met1": "mt1 met1 mth1 1mt 1met 1mth fm1 fmt1", "met5": "mt5 met5 mth5 5mt 5met 5mth fm5 fmt5",
+    "thigh": "thigh th femur fem lthi", "shank": "shank sh sk lsha tibia tib calf leg fax ttc", "foot": "foot midfoot",
+    "sacrum": "sacrum sacral sacr sac", "head_top": "tophead headtop vertex", "pelvis": "iliaccrest crest pelvis",
+}.items()}
 """What laboratories write, without the side and without punctuation; the longest that a label starts with counts."""
 SHORT = 3  # after a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder
 WIDE_M = 0.03
@@ -217,11 +209,7 @@ foot's midline (weights, a choice). The heel's is the rearmost, low and near the
 
 
 def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
-    """The shipped map that finds a complete set of markers in a standing trial and knows most of its labels; a note.
-
-    Refused where none finds all that a calibration needs (what is missing, where one knows half of the labels), or two
-    that mean different things know as many labels.
-    """
+    """The one shipped map that finds all needed markers in a standing trial and knows most of its labels; a note."""
     fitting: list[tuple[int, MarkerMap, FoundMarkers]] = []
     failing: list[tuple[int, InputError]] = []
     for marker_map in map(load_marker_map, SHIPPED):

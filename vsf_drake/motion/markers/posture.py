@@ -1,7 +1,8 @@
-"""The stretch of a recording from which a person is calibrated: the quietest second of standing, or a whole walk."""
+"""The stretch of a recording from which a person is calibrated, its prosthesis under load, and which way one faces."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -10,8 +11,9 @@ from scipy.optimize import brentq
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
+from vsf_drake.motion.formats.read import axis_name
 from vsf_drake.motion.formats.recording import SIDES, Recording
-from vsf_drake.motion.markers.maps import FoundMarkers
+from vsf_drake.motion.markers.maps import FoundMarkers, MarkerMap
 from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.sentences import say
 
@@ -70,9 +72,7 @@ def forefoot_labels(found: FoundMarkers, side: str) -> tuple[str, ...]:
 
 
 def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
-    """The quietest `QUIET_S` of the recording, averaged; or the whole of it if it is a walk.
-
-    Refused if a marker with a role is hardly ever seen, nobody stands still nor walks, or the feet are off z = 0.
+    """The quietest `QUIET_S` of the recording, averaged; or the whole of it if it is a walk; feet on the floor z = 0.
     """
     labels = list(dict.fromkeys((*found.roles.values(), *(m for s in found.segments.values() for m in s))))
     needed = {label for role, label in found.roles.items() if not role.startswith(NOT_NEEDED)}
@@ -257,3 +257,109 @@ def measured_under(standing: Recording, posture: Posture, ankles_W: Mapping[str,
         share = loads[prosthetic_side] / sum(loads.values())
         return share * weight, say("markers", "load", still=True, share=share)[0]
     return STANDING_SHARE * weight, say("markers", "load", still=True, share=None)[0]
+
+
+# Which way a person faces: recordings whose x is not ahead of them, and those whose axes form a left hand.
+#
+# Markers that stay in place, as on a treadmill, do not show by their travel where x lies; the pelvis does.
+#
+# A file whose axes were renamed without a sign (x, z, y for x, y, z) shows a person's mirror image: every left marker
+# lies to the right of its right one. No rotation mends that. The same picture results from exchanging every left label
+# with its right one. Force plates tell the two apart, where a file has their corners: by the C3D rule these go round so
+# that their third axis points into the floor. Without plates a mirrored recording says what was assumed.
+
+
+FEWEST_PAIRS = 4
+"""So many pairs of markers, at least, must all lie exchanged before axes are doubted rather than labels (a choice)."""
+ASIDE_RAD = np.radians(60.0)
+"""A pelvis that faces farther from x than this shows that x is not forward: the nearest axis is within 45 degrees, and
+a walk that goes obliquely through the laboratory is left as it is (a choice)."""
+SAME_WAY = 0.5  # length of the mean of the unit vectors that a person faces, below which they turn round (a choice)
+NOTE = ("Every left marker lies to the right of its right one: the file's axes were taken for a left hand's and the "
+        "recording mirrored sideways. If instead the labels left and right are exchanged, the sides are wrong.")
+
+
+def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
+    """`recording` with its labels in the map's spelling, in a right-handed frame whose x is ahead of the person.
+
+    Turned by quarter turns about the vertical, with a note, if the pelvis faces another axis than x.
+    """
+    recording = right_handed(marker_map.rename(recording), marker_map)
+    points = _points(recording, marker_map)
+    front, back = points.get("asis"), points.get("psis", points.get("sacrum"))
+    if front is None or back is None:
+        return recording
+    ways = facing(front, back)
+    ways = ways[np.isfinite(ways).all(axis=1)]
+    mean = ways.mean(axis=0) if len(ways) else np.zeros(3)
+    angle = float(np.arctan2(mean[1], mean[0]))
+    if np.linalg.norm(mean) < SAME_WAY or abs(angle) < ASIDE_RAD:
+        return recording
+    turn = 0.5 * np.pi * round(angle / (0.5 * np.pi))
+    x, y = np.round([np.cos(turn), np.sin(turn)])
+    R = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, 1.0]])
+    return _turned(recording, R, *say("markers", "faces", axis=axis_name(R[0] @ recording.rotation_W)))
+
+
+def right_handed(recording: Recording, marker_map: MarkerMap) -> Recording:
+    """`recording`, mirrored sideways (y) with a note if every left marker is to the right of its right one.
+
+    Markers, forces, centres of pressure and plate corners change sides. Free moments keep their sign: where axes are
+    merely renamed, the vertical moment is carried over as it was.
+    """
+    if not _is_mirrored(recording, marker_map):
+        return recording
+    corners = [plate.corners_m for plate in recording.plates if plate.corners_m is not None]
+    if corners and all(np.cross(c[0] - c[1], c[0] - c[3])[2] < 0.0 for c in corners):  # clockwise from above
+        raise InputError("every left marker lies to the right of its right one, though its force plates lie in a "
+                         "right-handed frame: left and right labels are exchanged", file=recording.path,
+                         right="Correct the labels, or exchange right and left in a marker map of your own")
+    return _turned(recording, np.diag([1.0, -1.0, 1.0]), NOTE)
+
+
+def _turned(recording: Recording, R: np.ndarray, note: str) -> Recording:
+    plates = tuple(dataclasses.replace(
+        plate, force_n=plate.force_n @ R.T, cop_m=plate.cop_m @ R.T,
+        corners_m=None if plate.corners_m is None else plate.corners_m @ R.T) for plate in recording.plates)
+    return dataclasses.replace(
+        recording, markers={label: x @ R.T for label, x in recording.markers.items()}, plates=plates,
+        rotation_W=R @ recording.rotation_W, notes=(*recording.notes, note))
+
+
+def _is_mirrored(recording: Recording, marker_map: MarkerMap) -> bool:
+    """Whether every pair of left and right markers lies exchanged while pelvis and feet agree on what is forward."""
+    points = _points(recording, marker_map)
+    roles = [role.removesuffix("_right") for role in points if role.endswith("_right")]
+    pairs = {role: (points[f"{role}_right"], points[f"{role}_left"]) for role in roles if f"{role}_left" in points}
+    front, back = points.get("asis"), points.get("psis", points.get("sacrum"))
+    fore = next((role for role in ("toe", "toe_tip", "met1", "met5") if role in pairs), None)
+    if len(pairs) < FEWEST_PAIRS or front is None or back is None or "heel" not in pairs or fore is None:
+        return False
+    forward = facing(front, back)
+    left = np.cross([0.0, 0.0, 1.0], forward)
+    ahead = [typical(toe - heel, forward) for toe, heel in zip(pairs[fore], pairs["heel"], strict=True)]
+    apart = [typical(on_left - on_right, left) for on_right, on_left in pairs.values()]
+    return min(ahead) > 0 and all(distance < 0 for distance in apart if np.isfinite(distance))
+
+
+def facing(front: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """(n, 3) horizontal unit vectors from the back of the pelvis to its front."""
+    forward = (front - back) * [1.0, 1.0, 0.0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return forward / np.linalg.norm(forward, axis=1, keepdims=True)
+
+
+def typical(vector: np.ndarray, along: np.ndarray) -> float:
+    """Median over the frames of the component of `vector` along `along`; NaN without any."""
+    part = np.sum(vector * along, axis=1)
+    part = part[np.isfinite(part)]
+    return float(np.median(part)) if len(part) else float("nan")
+
+
+def _points(recording: Recording, marker_map: MarkerMap) -> dict[str, np.ndarray]:
+    """(n, 3) m by role, of the roles that the recording has a marker for; and the middles "asis" and "psis"."""
+    found = {role: next((s for s in spellings if s in recording.markers), None)
+             for role, spellings in marker_map.roles.items()}
+    points = {role: recording.markers[label] for role, label in found.items() if label is not None}
+    return points | {role: 0.5 * (points[f"{role}_right"] + points[f"{role}_left"]) for role in ("asis", "psis")
+                     if {f"{role}_{side}" for side in SIDES} <= {*points}}

@@ -94,11 +94,8 @@ def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[s
 
 
 def _cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -> float:
-    """RMS (m) over time and markers of the departure from the rigid body that fits the walk itself best.
-
-    The body is the mean shape in the walk, not the one at standing. Of markers on a line, only the variation of their
-    distances along it counts; one alone shows nothing and counts as zero.
-    """
+    """RMS (m) over time and markers of the departure from the rigid body that fits the walk itself, its mean shape.
+    Of markers on a line, only the variation of their distances along it counts; one alone counts as zero."""
     p_WM = np.stack([markers[label] for label in segment.labels], axis=1)
     if len(segment.labels) < 2:
         return 0.0
@@ -142,11 +139,8 @@ MOST_ASTRAY = 3  # segments with markers astray beyond which it is not a marker 
 
 
 def _check_scale(filled: FilledMarkers) -> None:
-    """Refuses a walk whose markers lie farther apart, or closer, than the calibration's: another unit or person.
-
-    The scale is the median over all pairs of markers on one segment: their distance (median over time) over that at
-    standing.
-    """
+    """Refuses a walk in another unit or of another person: by the median over all pairs of markers on one segment of
+    their distance (median over time) over that at standing."""
     ratios = []
     for segment in filled.segments.values():
         for a, b in combinations(range(len(segment.labels)), 2):
