@@ -222,4 +222,4 @@ def with_stated(subject: Subject, stated: Mapping[str, float]) -> tuple[Subject,
         found = getattr(subject, name)
         if name.endswith("length_m") and found is not None and abs(value - found) > APART * abs(found):
             notes += say("trial", "stated", name=name, value=value, found=found)
-    return check(dataclasses.replace(subject, **stated)), notes
+    return check(dataclasses.replace(subject, **stated)), notes  # type: ignore[arg-type]

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -92,13 +93,13 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list
     of a foot on a plate to its next, in which both feet stand on plates throughout, count; the mean of all is taken.
     """
     time = walk.force_time_s
-    vertical = sum(plate.force_W[:, 2] for plate in assignment.plates.values())
+    vertical = np.sum([plate.force_W[:, 2] for plate in assignment.plates.values()], axis=0)
     strikes = {side: [c.start_s for c in assignment.contacts if c.side == side and c.start_seen]
                for side in assignment.plates}
     strides = [(start, end) for own in strikes.values() for start, end in pairwise(own)
                if end - start < LONGEST_STRIDE_S and _measured((start, end), assignment.unmeasured)]
-    place = {"file": walk.force_path or walk.path, "where": "mass_kg (--mass-kg)",
-             "right": "State the body mass, prosthesis included"}
+    place: dict[str, Any] = {"file": walk.force_path or walk.path, "where": "mass_kg (--mass-kg)",
+                             "right": "State the body mass, prosthesis included"}
     if len(assignment.plates) < 2 or not strides:
         raise InputError("the body mass is not stated, and there is no stride in which both feet stand on plates "
                          "throughout", **place)

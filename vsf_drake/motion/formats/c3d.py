@@ -274,7 +274,7 @@ class _C3d:
             self._scale, self.rate_hz = (float(self._floats(head[at:at + 4])[0]) for at in (12, 20))
         self.points, self.stated_subframes = words[1], words[9]
         self._parameters = self._read_parameters(section)
-        self._find_frames(*words[2:5], words[8])
+        self._find_frames(words[2], words[3], words[4], words[8])
 
     def _integers(self, data: bytes, *, signed: bool = True) -> np.ndarray:
         return np.frombuffer(data, (">" if self._processor == _MIPS else "<") + ("i2" if signed else "u2"))

@@ -305,7 +305,7 @@ def _floor_height(plates: list[RawPlate], path: Path) -> float:
             heights[plate.name] = float(np.median(surface[:, 2]))
     if not heights:
         return 0.0
-    low, high = min(heights, key=heights.get), max(heights, key=heights.get)
+    low, high = (pick(heights, key=lambda name: heights[name]) for pick in (min, max))
     if heights[high] - heights[low] > FLOOR_M:
         step = 1e3 * (heights[high] - heights[low])
         raise InputError(f"plate {high} lies {step:.0f} mm above plate {low}: only level ground is modelled", file=path)

@@ -221,9 +221,9 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
             failing.append((known, error))
     where = "marker_map (--map)"
     if not fitting:
-        known, error = max(failing, key=lambda pair: pair[0])
+        known, nearest = max(failing, key=lambda pair: pair[0])
         if 2 * known >= len(recording.markers):
-            raise error
+            raise nearest
         raise InputError("no shipped marker map fits its labels: " + listed(list(recording.markers)),
                          file=recording.path, where=where,
                          right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels")

@@ -73,7 +73,7 @@ def with_files(person: PersonFacts, *recordings: Recording | None) -> tuple[Pers
             continue
         own, (file, value) = getattr(person, key), next(iter(found.items()))
         if own is None:
-            person = dataclasses.replace(person, **{key: value})
+            person = dataclasses.replace(person, **{key: value})  # type: ignore[arg-type]
             notes += say("markers", "file_states", words=words, value=value, unit=unit, file=file)
         taken = getattr(person, key)
         notes += [note for other, value in found.items() if abs(value / taken - 1.0) > FILES_APART for note in say(
@@ -97,7 +97,7 @@ def body_mass(person: PersonFacts, standing: Recording, start_s: float, end_s: f
     time, mean, spread = standing.force_time_s, 0.0, 0.0
     during = (time >= start_s) & (time <= end_s)
     if standing.plates:
-        vertical = sum(plate.force_n[:, 2] for plate in standing.plates)[during]
+        vertical = np.sum([plate.force_n[during, 2] for plate in standing.plates], axis=0)
         if np.isfinite(vertical).any():
             mean, spread = float(np.nanmean(vertical)), float(np.nanstd(vertical))
     what = next((what for wrong, what in (
@@ -117,8 +117,8 @@ def stature(person: PersonFacts, leg_length_m: float, head_height_m: float | Non
     """Stature (m) as stated, else the height of the marker on the head, else from hip to ankle; and a note."""
     if person.stature_m is not None:
         return person.stature_m, []
-    head = head_height_m is not None and np.isfinite(head_height_m)
-    found = (head_height_m - 1e-3 * (person.marker_radius_mm + person.base_plate_mm) if head else
+    head = head_height_m is not None and bool(np.isfinite(head_height_m))
+    found = ((head_height_m or 0.0) - 1e-3 * (person.marker_radius_mm + person.base_plate_mm) if head else
              leg_length_m / LEG_TO_STATURE[str(person.sex)])
     if not LEAST_STATURE_M <= found <= MOST_STATURE_M:
         raise InputError(f"the markers make a stature of {found:.2f} m", where="stature_m (--stature-m)",
