@@ -230,8 +230,8 @@ def calibrated(
                           max_nfev=_EVALUATIONS)
     if not found.success:
         raise InputError(f"the calibration to the measured curves found no end: {found.message}")
-    names = ("fulcrum stiffness", "foam stiffness", "foam exponent")
-    return trial(found.x), [name for name, state in zip(names, found.active_mask, strict=True) if state]
+    return trial(found.x), [name for name, state in zip((
+        "fulcrum stiffness", "foam stiffness", "foam exponent"), found.active_mask, strict=True) if state]
 
 
 # What the paper's bench did not do: other speeds, the way back with its energy, other points of the load.

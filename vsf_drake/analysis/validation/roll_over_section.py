@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from vsf_drake.analysis.bench_metrics import stiffness
 from vsf_drake.analysis.comparison import (
-    PERCENT,
     THRESHOLD_N,
     StanceComparison,
     filtered_while_loaded,
+    percent_instants,
+    resample,
 )
 from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk, reached, spread
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
@@ -195,17 +195,15 @@ class Frames(NamedTuple):
 
     def at(self, time_s: np.ndarray) -> Frames:
         """The same at other times, on straight lines between the known ones."""
-        flat = np.column_stack([self.origin, self.axes.reshape(-1, 9)])
-        found = np.column_stack([np.interp(time_s, self.time_s, column) for column in flat.T])
-        return Frames(np.asarray(time_s), found[:, :3], found[:, 3:].reshape(-1, 3, 3))
+        found = resample(time_s, self.time_s, np.column_stack([self.origin, self.axes.reshape(-1, 9)]))
+        return Frames(time_s, found[:, :3], found[:, 3:].reshape(-1, 3, 3))
 
     def seen(self, points_W: np.ndarray) -> np.ndarray:
         """(n, 2) forward and up of points (n, 3) in W, one for each instant."""
         return np.einsum("nij,ni->nj", self.axes, points_W - self.origin)[:, [0, 2]]
 
 
-@dataclass(frozen=True, eq=False)
-class WalkedShape:
+class WalkedShape(NamedTuple):
     """One footfall: `row` of the table, and curves (101, 2) over the measured stance, NaN outside the shape."""
 
     row: Row
@@ -225,7 +223,7 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
     for item in whole:
         start, duration = item.measured.start_s, item.measured.duration_s
         end, kind = _end(walk, item)
-        instants = start + PERCENT / 100.0 * duration
+        instants = percent_instants(item.measured)
         cops, seen, sides = {}, {}, {}
         for name, time, force, cop, free in (
                 ("model", result.time_s, result.grf_W, result.cop_W, result.free_moment_nm),

@@ -2,14 +2,8 @@
 
 Every base trial is walked at all positions of the fulcrum, first as it was recorded and then with errors of its
 kinematics. One draw is a session with two recordings of the same stride: its errors are those of the session plus those
-of the recording. Both are walked at all positions, so that every way of comparing two positions is among them:
-
-    same recording   recording 1 at both positions
-    same session     recording 1 at one position, recording 2 at the other
-    two sessions     recordings of different draws
-
-Only one stance of each trial is walked (the complete one nearest the middle of its window) with MARGIN_S around.
-Every draw has its own stream of random numbers, told by the seed, the trial and the number of the draw.
+of the recording. Only one stance of each trial is walked (the complete one nearest the middle of its window) with
+MARGIN_S around. Every draw has its own stream of random numbers, told by the seed, the trial and its number.
 """
 
 from __future__ import annotations

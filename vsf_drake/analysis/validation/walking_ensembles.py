@@ -29,8 +29,7 @@ from vsf_drake.analysis.contact_fit.assessment import (
     sweep_positions,
     swept,
 )
-from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.analysis.sweep_table import as_walk
+from vsf_drake.analysis.sweep_table import scores
 from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk, spread
 from vsf_drake.files import plain
 from vsf_drake.motion.formats.recording import PlateRecording
@@ -254,7 +253,7 @@ def _error(outcome: WalkOutcome) -> tuple[float, str]:
     if outcome.failure is not None:
         return float("nan"), outcome.failure
     try:
-        error = walk_metrics(as_walk(outcome), outcome.case.trial.prosthetic_plate)["grf_rmse_bw"]
+        error = scores(outcome)["grf_rmse_bw"]
     except ValueError as problem:  # no instant in common with the plate
         return float("nan"), str(problem)
     return (float("nan"), "no stance was simulated") if error is None else (float(error), "")
