@@ -28,18 +28,11 @@ _KINDS = (".yaml", ".json", ".npz", ".html", ".mot", ".png", ".svg")  # of files
 
 def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lambda out: False, *,
                  names: Iterable[str] = (), sidecar: str = SIDECAR_FILE) -> None:
-    """Whether a result of `kind` ("walk", "bench") can go to `out`; asked before a long run rather than after it.
+    """InputError unless a result of `kind` ("walk", "bench") can go to `out`; asked before a long run, not after it.
 
-    Args:
-        out: a new or empty folder, or one that holds an earlier result of the kind.
-        kind: of result.
-        known: tells whether a folder without a record (an interrupted run) is one of the kind.
-        names: of files that will come, as far as they are known.
-        sidecar: name of the YAML file that says the kind.
-
-    Raises:
-        InputError: `out` cannot be created, holds anything else, or something in it is in the way of a file or leads
-            out of it.
+    It can go to a new or empty folder, or one that holds an earlier result of the kind; `known` tells whether a folder
+    without a record (an interrupted run) does. Nothing in it may be in the way of files of `names`, nor lead out of it.
+    `sidecar` is the YAML file that says the kind.
     """
     out = Path(out).absolute()
     try:
@@ -75,15 +68,13 @@ def result_folder(
     stay. After an exception nothing of the block remains.
 
     Args:
-        out: the folder to create or to fill; missing parents are created.
         kind: of result. Of another kind nothing goes but what has the same name.
         keep: false to try whether it could be written, and leave nothing.
         add: whether the earlier files of the kind stay, unless they have the same name.
         stale: patterns of names of what goes from a folder without a record, as earlier versions left it.
 
     Raises:
-        InputError: `out` or one of its parents is a file, or cannot be written, or something in it is in the way of a
-            file or leads out of it; then nothing has changed.
+        InputError: it cannot be written, or something in it is in the way or leads out of it; nothing has changed.
     """
     out = Path(out).absolute()
     if out.exists() and not out.is_dir():

@@ -139,14 +139,9 @@ def run_bench(
     progress: Callable[[float], None] | None = None,
     inputs: dict[str, str] | None = None,
 ) -> BenchResult:
-    """The bench test of the paper: every fulcrum position (m), then the heel.
+    """The bench test of the paper: every fulcrum position (m), then the heel; raises what `Bench.press` does.
 
-    Args:
-        progress: called with the finished fraction.
-        inputs: SHA-256 by name of the files that the model was made of, for the result's provenance.
-
-    Raises:
-        InputError, SimulationError: see `Bench.press`.
+    `progress` is called with the finished fraction; `inputs` are the SHA-256 of the model's files by name.
     """
     check_model(model)
     forefoot = Bench(model.foot) if fulcrums_m else None
@@ -203,9 +198,7 @@ class KeelShape:
 def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> KeelShape:
     """The keel of `foot` under `load_n` (N, along z_K on the load point) with the fulcrum at `fulcrum_m` (m from A).
 
-    Raises:
-        InputError: the fulcrum is out of the carriage's reach, or the load is not a finite number.
-        SimulationError: no rest was found.
+    InputError if the fulcrum is out of the carriage's reach; SimulationError if no rest was found.
     """
     check_fulcrum(fulcrum_m, foot, where="fulcrum_m")
     if not np.isfinite(load_n):

@@ -45,9 +45,8 @@ class BenchStiffness:
     """A foot in the testing machine as a function of named variables: stiffness, mid-range displacement, derivatives.
 
     The names are those of a walk's variables. Of these contact.ZONE.stiffness, exponent and rise,
-    keel.flexural_modulus and fulcrum.stiffness matter. Damping does not at the testing machine's speed, and friction,
-    socket, offsets, coordinates and courses have no part in it; nor has fulcrum.shift, which is where the fulcrum was
-    in a walk and not on the bench: they are accepted, and all derivatives by them are zero.
+    keel.flexural_modulus and fulcrum.stiffness matter. The others are accepted, and all derivatives by them are zero:
+    damping has no part at the testing machine's speed, fulcrum.shift is where the fulcrum was in a walk.
 
     Args:
         foot: whose values hold where none is given.
@@ -55,10 +54,6 @@ class BenchStiffness:
         heel: whether the heel is pressed too.
         max_load_n, above_n: the two loads (N) between which stiffness is taken.
         mid_range: whether half of `max_load_n` is put on too, for `displacement`.
-
-    Raises:
-        InputError: a position is out of the carriage's reach, the loads do not increase, or no sphere is there to be
-            pressed.
     """
 
     def __init__(self, foot: FootParameters, *, fulcrums_m: Sequence[float], heel: bool, max_load_n: float = 600.0,
@@ -89,13 +84,8 @@ class BenchStiffness:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness with these values of variables, all others as in the foot, and its derivatives.
 
-        Returns:
-            (m,) N/m: the forefoot at each fulcrum position, then the heel if asked; (m, P) derivatives per unit of
-            each variable.
-
-        Raises:
-            InputError: a name is unknown, or a value is one with which the foot has no meaning.
-            SimulationError: the foot cannot bear the load.
+        (m,) N/m: the forefoot at each fulcrum position, then the heel if asked; (m, P) derivatives per unit of each
+        variable. SimulationError if the foot cannot bear the load.
         """
         travel, by, columns, _ = self._travel(values, with_respect_to)
         low, high = self._ends
@@ -106,15 +96,10 @@ class BenchStiffness:
     def displacement(
         self, values: Mapping[str, float], with_respect_to: Sequence[str] = ()
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Travel since touch-down under half of the largest load, and its derivatives; see `evaluate`.
+        """Travel (m,) m since touch-down under half of the largest load, and (m, P) its derivatives; see `evaluate`.
 
-        Where several zones are touched at once, the derivatives are those of the first one.
-
-        Returns:
-            (m,) m; (m, P) m per unit of each variable.
-
-        Raises:
-            ValueError: it was made without `mid_range`. InputError, SimulationError: see `evaluate`.
+        Where several zones are touched at once, the derivatives are those of the first one. ValueError if it was made
+        without `mid_range`.
         """
         if self._middle is None:
             raise ValueError("this bench was made without mid_range")

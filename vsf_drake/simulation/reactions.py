@@ -230,9 +230,7 @@ def energy_ledger(
 ) -> dict[str, np.ndarray]:
     """Terms of the balance, each (n,) J: sum of INPUTS = sum of STORED + sum of LOST + `remainder`.
 
-    Args:
-        driven: coordinate indices of those that are prescribed.
-        fulcrum_m: (n + 1,) position of the support, start included.
+    `driven` are indices of the prescribed coordinates, fulcrum_m (n + 1,) the support's position, start included.
     """
     h = np.diff(record.time_s, prepend=2 * record.time_s[0] - record.time_s[1])
     ledger = {"driver_work": work(_driver_power(mechanism, record, driven, h), h) + _applied_work(record, driven, h)}
@@ -281,10 +279,8 @@ def spring_loss(mechanism: Mechanism, record: Record, rows: np.ndarray) -> np.nd
 
 
 def contact_terms(mechanism: Mechanism, record: Record, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the first `count` sites: strain of the foam (n,) J, and (n,) W that its damping and that friction takes.
-
-    The foam's loss is what its force exceeds the elastic one by.
-    """
+    """Of the first `count` sites: strain of the foam (n,) J, and (n,) W that its damping (what its force exceeds the
+    elastic one by) and that friction takes."""
     sites = mechanism.sites[:count]
     depth, normal, rate, fx, fy, x, y = (record.site(name)[:, :count] for name in (
         "depth", "normal_force", "depth_rate", "friction_x", "friction_y", "slip_x", "slip_y"))

@@ -35,9 +35,8 @@ def _array(shape: str, unit: str, meaning: str, **more: Any) -> Any:
 class WalkResult:
     """A finished walk: n instants (the ends of the steps), m coordinates, p prescribed ones, N spheres.
 
-    Attributes are described in their fields. `converged` is false if any step was accepted without
-    convergence (`unconverged_steps` of them): look before trusting the numbers. Steps that were cut into smaller ones
-    (`refined_steps`) to converge are as good as the others.
+    `converged` is false if any step was accepted without convergence (`unconverged_steps` of them): look before
+    trusting the numbers. Steps that were cut into smaller ones to converge (`refined_steps`) are as good as the others.
     """
 
     time_s: np.ndarray = _array("n", "s", "instants, clock of the recording")

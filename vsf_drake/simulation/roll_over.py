@@ -292,14 +292,10 @@ class RollOver:
         self, *, fulcrum_m: float, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray,
         axis_ahead_m: float = 0.0
     ) -> tuple[RollOverRun, Following]:
-        """Rolls the foot: tilt and force along the fixed line are given, the mount's height is found.
+        """Rolls the foot: tilt and force (n + 1,) along the fixed line are given, the mount's height is found.
 
-        Args:
-            time_s, tilt_rad, force_n: (n + 1,); the foot starts unloaded, as it touches.
-            axis_ahead_m: see `mount_path`.
-
-        Returns:
-            The run, made anew along the heights that were found, and how well it follows the force.
+        The foot starts unloaded, as it touches. Returns the run along the heights that were found, and how well it
+        follows the force; for `axis_ahead_m` see `mount_path`.
         """
         # Height above T along the line of force at which the unloaded foot touches the tilted platform.
         touch = [float((self.touch_height(-tilt)[0] - axis_ahead_m * np.sin(tilt)) / np.cos(tilt))

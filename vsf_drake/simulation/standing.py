@@ -50,9 +50,6 @@ def simulate_standing(
             named. Joints stay there; pelvis_tilt and pelvis_rotation are where the pelvis is held, or looked for.
         upright: whether to hold the attitude in any case, so that persons and settings compare.
         progress: called with the finished fraction of a run.
-
-    Raises:
-        InputError, SimulationError: see `Walker`; or the feet cannot both stand on the ground.
     """
     if not 0.0 < duration_s <= LONGEST_S:
         raise InputError(f"{duration_s:g} s is no time to stand", where="duration_s",

@@ -278,10 +278,8 @@ def simulate_trial(
     offsets: GeometricOffsets | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> WalkResult:
-    """Simulates a recorded trial: the person follows the recording, the prosthesis and the ground respond.
-
-    `offsets` stand instead of the manifest's; raises what `Walker.walk` does.
-    """
+    """Simulates a recorded trial, with `offsets` instead of the manifest's: the person follows the recording, the
+    prosthesis and the ground respond. Raises what `Walker.walk` does."""
     walker = Walker(trial.subject, trial.model)
     offsets = offsets or trial.offsets
     walk = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,

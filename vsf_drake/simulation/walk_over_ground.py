@@ -219,10 +219,8 @@ def advance(
     diagram: Diagram, context: Context, moments: np.ndarray, record: Callable[[], Any], config: SimulatorConfig,
     progress: Callable[[float], None] | None
 ) -> AdaptiveRun:
-    """Advances to each of `moments` (n,) s and keeps what `record` returns there; SimulationError if it gives up.
-
-    `config` must start at the first of them: applying it resets the Context's time.
-    """
+    """Advances to each of `moments` (n,) s, at the first of which `config` starts, and keeps what `record` returns
+    there; SimulationError if it gives up."""
     simulator = Simulator(diagram, context)
     ApplySimulatorConfig(config, simulator)
     rows, started = [], time.perf_counter()

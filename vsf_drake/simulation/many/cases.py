@@ -180,10 +180,8 @@ SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "m
 
 
 def digest(plain: Any, arrays: Mapping[str, np.ndarray] | None = None) -> str:
-    """64 hexadecimal digits for plain values (as `schema.to_plain` gives them) and named arrays.
-
-    ValueError for a number that is not finite, TypeError for what is no plain value.
-    """
+    """64 hexadecimal digits for plain values (as `schema.to_plain` gives them) and named arrays; ValueError for what is
+    not finite, TypeError for what is not plain."""
     found = hashlib.sha256(json.dumps(plain, sort_keys=True, allow_nan=False).encode())
     for name, array in sorted((arrays or {}).items()):
         found.update(f"\0{name} {array.dtype.str} {array.shape}\0".encode())

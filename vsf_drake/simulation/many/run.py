@@ -52,10 +52,9 @@ def simulate_many(
         workers: 1 for this process; more for as many, of which this one is the first; None for one a core. There are
             never more than walks to make.
         executor: instead, any `concurrent.futures.Executor` (its processes must not be forked) or dask's
-            `Client.get_executor()`. It is not shut down. `workers` then says how many it has, if known. Processes take
-            more than a second to start: for many sweeps in a row make a `ProcessWorkers(count)` and give it to each.
-            It also keeps every walk out of this process, should one be able to kill it. A `ThreadPoolExecutor` starts
-            at once and is nearly as fast, but what kills a thread kills the sweep.
+            `Client.get_executor()`; `workers` then says how many it has, if known. It is not shut down. For many sweeps
+            in a row give each the same `ProcessWorkers(count)`, which also keeps every walk out of this process. A
+            `ThreadPoolExecutor` starts at once and is nearly as fast, but what kills a thread kills the sweep.
         cache: folder of finished walks, see `vsf_drake.simulation.many.run`.
         progress: True shows a bar on a terminal and sparse lines elsewhere, on stderr; or a function that is called
             with a `SweepProgress` after every member. Nothing is shown by default.
