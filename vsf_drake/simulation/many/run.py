@@ -8,7 +8,7 @@ import json
 import threading
 import time
 import zipfile
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import closing, contextmanager
@@ -79,7 +79,6 @@ def simulate_many(
                 if store is not None:
                     store.write(task, reply)
                 sweep.settle(task.key, reply)
-                sweep.tell()
     return [sweep.found[i] for i in range(len(cases))]
 
 
@@ -127,7 +126,7 @@ class _Sweep:
         self.found: dict[int, WalkOutcome] = {}
         self._members: dict[str, list[int]] = {}
         self._damage: dict[str, str] = {}
-        self._started = time.monotonic()
+        self._refused, self._started = 0, time.monotonic()
 
     def plan(self, planner: Planner, store: WalkCache | None) -> list[Task]:
         """The tasks that have to be run: each once, without those that the cache has."""
@@ -137,34 +136,31 @@ class _Sweep:
                 task = planner.task(case)
             except Exception as error:  # whatever a case holds, it concerns this member only
                 raise_if_interrupted()
+                self._refused += 1
                 self._place([i], Reply(Kind.REFUSED, _said(error)))
             else:
                 self._members.setdefault(task.key, []).append(i)
                 tasks[task.key] = task
-        todo = []
-        for key, task in tasks.items():
-            reply, self._damage[key] = store.read(key) if store is not None else (None, "")
-            if reply is None:
-                todo.append(task)
-            else:
+        for key in list(tasks):
+            reply, self._damage[key] = (None, "") if store is None else store.read(key)
+            if reply is not None:
                 self._place(self._members[key], reply, from_cache=True)
+                del tasks[key]
         self._started = time.monotonic()
-        self.tell()
-        return todo
+        self._tell()
+        return list(tasks.values())
 
     def settle(self, key: str, reply: Reply) -> None:
         """Takes in what a worker answered to the task `key`."""
-        damage = self._damage[key]
-        self._place(self._members[key], replace(reply, notes=(*reply.notes, damage)) if damage else reply)
+        self._place(self._members[key], replace(reply, notes=tuple(filter(None, (*reply.notes, self._damage[key])))))
+        self._tell()
 
-    def tell(self) -> None:
-        """Reports how far the sweep is."""
-        found = self.found.values()
-        refused = len(self._cases) - sum(map(len, self._members.values()))
-        cached = sum(outcome.from_cache for outcome in found)
+    def _tell(self) -> None:
+        cached = sum(outcome.from_cache for outcome in self.found.values())
         self._report(SweepProgress(
-            total=len(self._cases), done=len(found), failed=sum(not outcome.ok for outcome in found),
-            from_cache=cached, simulated=len(found) - cached - refused, elapsed_s=time.monotonic() - self._started))
+            total=len(self._cases), done=len(self.found), from_cache=cached,
+            failed=sum(not outcome.ok for outcome in self.found.values()),
+            simulated=len(self.found) - cached - self._refused, elapsed_s=time.monotonic() - self._started))
 
     def _place(self, members: list[int], reply: Reply, *, from_cache: bool = False) -> None:
         for array in reply.arrays.values():
@@ -193,7 +189,7 @@ MOST_PARTS = 256  # persons and recordings that a process remembers; it asks aga
 _NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
 """In place of a trial: what a result says of its origin, which is not brought back."""
 _lock = threading.Lock()
-_parts: OrderedDict[str, Any] = OrderedDict()
+_parts: dict[str, Any] = {}
 _idle: dict[str, list[Walker]] = {}
 
 
@@ -260,14 +256,12 @@ def _walked(walker: Walker, motion: Any, task: Task) -> Reply:
 def _known(task: Task, key: str) -> Any:
     """The person or recording with that key: from the task, or remembered; None if neither."""
     with _lock:
-        if key in task.parts:
-            _parts[key] = task.parts[key]
-        if key not in _parts:
-            return None
-        _parts.move_to_end(key)
+        known = task.parts.get(key, _parts.pop(key, None))
+        if known is not None:
+            _parts[key] = known  # the one that was used last stands last
         while len(_parts) > MOST_PARTS:
-            _parts.popitem(last=False)
-        return _parts[key]
+            del _parts[next(iter(_parts))]
+        return known
 
 
 @contextmanager
