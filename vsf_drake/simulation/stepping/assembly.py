@@ -184,7 +184,7 @@ class Split(NamedTuple):
 
     prescribed: np.ndarray  # indices
     free: np.ndarray  # (f,) indices
-    above: np.ndarray  # (f, f) and counts (f,): see `dynamics.chains`, over the free ones
+    above: np.ndarray  # (f, f) and counts (f,): see `tree.chains`, over the free ones
     counts: np.ndarray
     place: np.ndarray  # (n,) place among the free ones, or -1
     body_moves: np.ndarray  # (B,) whether a free coordinate moves it

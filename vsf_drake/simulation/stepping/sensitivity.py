@@ -479,7 +479,7 @@ def _normal_change(site, s, column, depth, rate):
 
 @internal
 def _friction_change(site, s, column, speed):
-    """Derivative of mu(V) / V (s/m) by one of the friction law's constants (see `forces.friction_per_speed`)."""
+    """Derivative of mu(V) / V (s/m) by one of the friction law's constants (`laws.scalar.friction_per_speed`)."""
     mu_static, mu_kinetic, threshold = site[s, 8], site[s, 9], site[s, 10]
     if speed <= threshold:
         if column == MU_STATIC:
