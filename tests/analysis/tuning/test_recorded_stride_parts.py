@@ -179,6 +179,12 @@ def test_a_motion_that_does_not_repeat_itself_is_refused():
         find_period(t, (t**2)[:, None], (), {"P": [Stance(0.3, 1.0)]}, {})
 
 
+def test_ends_of_a_stride_that_differ_are_refused():
+    t = np.arange(0.0, 1.8, 0.01)
+    with pytest.raises(InputError, match=r"its two ends, 1\.200 s apart \(what was asked for\), differ by 27\.5° RMS"):
+        find_period(t, 0.4 * t[:, None], (), {}, {}, stated_s=1.2)
+
+
 def stepping_plate(period, advance, time, start=0.0, length=0.7):
     """A foot that stands every `period` for `length`, a half sine of force, its centre of pressure moving 0.2 m."""
     phase = np.mod(time - start, period) / length

@@ -87,22 +87,22 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
     motion, file, mass = trial.trajectory, trial.path, trial.subject.mass_kg
     names, (rows, points, chain) = sagittal_coordinates(trial.subject.prosthetic_side), _shown(trial, walker)
     time = motion.time_s[rows]
-    whole_way = heading(points, file=file)
-    loaded, moved = loaded_stances(trial), moved_stances(time, points, chain)
-    unknown = unknown_spans(trial, loaded, moved)
-    plates = {s: trial.plates[side] for s, side in sides(trial).items() if side in trial.plates}
+    whole_way = _heading(points, file=file)
+    loaded, moved = _loaded_stances(trial), _moved_stances(time, points, chain)
+    unknown = _unknown_spans(trial, loaded, moved)
+    plates = {s: trial.plates[side] for s, side in _sides(trial).items() if side in trial.plates}
     angles = [i for i, name in enumerate(motion.names) if not name.startswith("pelvis")]
     T, method = find_period(
         time, motion.sample(time)[0][:, angles],
         [periodic.plate_series(plate, whole_way, unknown[s]) for s, plate in plates.items()], loaded, moved,
         stated_s=period_s, file=file)
-    first = first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
+    first = _first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
     start = first.start_s
-    prosthetic, how_p = within_stride([first] if first.complete else loaded["P"], moved["P"], start, T)
+    prosthetic, how_p = _within_stride([first] if first.complete else loaded["P"], moved["P"], start, T)
     if prosthetic is None or not SHORTEST_SHARE * T <= prosthetic[1] - prosthetic[0] <= LONGEST_SHARE * T:
         raise InputError(f"the prosthetic stance that begins at {start:.3f} s has no end that can be told", file=file,
                          where="forces", right="A stride needs strike and lift-off of the prosthetic foot")
-    intact, how_i = within_stride(loaded["I"], moved["I"], start, T)
+    intact, how_i = _within_stride(loaded["I"], moved["I"], start, T)
     # the mean way of the pelvis over a stride, in which its sway from side to side has no part
     way = [column.mean() for column in periodic.changes(time, points.pelvis[:, :2], T).T if column.size]
     forward = np.array(way) / np.hypot(*way) if way else whole_way
@@ -131,7 +131,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
     curves, shift, closed = periodic.close(misfit, curves, t, weights, wish, shift)
     advance = float(curves.advance[TX])
     forces = forces_with(advance)
-    standing = {"prosthetic": within(t, prosthetic, T), "intact": within(t, intact, T)}
+    standing = {"prosthetic": _within(t, prosthetic, T), "intact": _within(t, intact, T)}
     final, off = curves.sample(t)[0], np.degrees(periodic.changes(time[inside], projected, T))
     turns = [c for c, name in enumerate(names) if name not in ("pelvis_tx", "pelvis_ty")]
     errors = _place_errors(chain, final, wanted, chain.near_floor(wanted, points.ground), weights, standing)
@@ -253,17 +253,17 @@ def _rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
 LEAST_WAY_M = 0.3  # a pelvis that gets no farther than this over the recording does not walk over the ground
 
 
-def sides(trial: Trial) -> dict[str, str]:
+def _sides(trial: Trial) -> dict[str, str]:
     """ "right" or "left" by "P" (prosthetic) and "I" (intact)."""
     own = trial.subject.prosthetic_side
     return {"P": own, "I": "left" if own == "right" else "right"}
 
 
-def loaded_stances(trial: Trial) -> dict[str, list[Stance]]:
+def _loaded_stances(trial: Trial) -> dict[str, list[Stance]]:
     """By "P" and "I", what the plates saw within the recorded motion; a stance that the motion cuts is marked so."""
     found: dict[str, list[Stance]] = {}
     first, last = trial.trajectory.start_s, trial.trajectory.end_s
-    for s, side in sides(trial).items():
+    for s, side in _sides(trial).items():
         plate = trial.plates.get(side)
         own = [] if plate is None else find_stances(plate.time_s, plate.force_W[:, 2])
         missed = trial.unmeasured.get(side, ())
@@ -274,7 +274,7 @@ def loaded_stances(trial: Trial) -> dict[str, list[Stance]]:
     return found
 
 
-def moved_stances(time_s: np.ndarray, points: BodyPoints, chain: SagittalChain) -> dict[str, list[Stance]]:
+def _moved_stances(time_s: np.ndarray, points: BodyPoints, chain: SagittalChain) -> dict[str, list[Stance]]:
     """By "P" and "I", as the motion of heel and toe tells."""
     feet = {}
     for s in FEET:
@@ -286,12 +286,12 @@ def moved_stances(time_s: np.ndarray, points: BodyPoints, chain: SagittalChain) 
     return {s: kinematic_stances(time_s, foot, points.pelvis, forward_W=forward) for s, foot in feet.items()}
 
 
-def unknown_spans(trial: Trial, loaded: Mapping[str, Sequence[Stance]],
+def _unknown_spans(trial: Trial, loaded: Mapping[str, Sequence[Stance]],
                   moved: Mapping[str, Sequence[Stance]]) -> dict[str, tuple[Span, ...]]:
     """By "P" and "I", when the foot stands on ground that no plate measures: stated by the trial, or told by a stance
     in the motion of which more than 0.12 s is on no plate."""
     found: dict[str, tuple[Span, ...]] = {}
-    for s, side in sides(trial).items():
+    for s, side in _sides(trial).items():
         if trial.unmeasured.get(side):
             found[s] = tuple(trial.unmeasured[side])
             continue
@@ -308,7 +308,7 @@ def unknown_spans(trial: Trial, loaded: Mapping[str, Sequence[Stance]],
     return found
 
 
-def heading(points: BodyPoints, *, file: object = None) -> np.ndarray:
+def _heading(points: BodyPoints, *, file: object = None) -> np.ndarray:
     """(2,) unit vector in the floor along which the pelvis travels; InputError if it hardly does."""
     way = (points.pelvis[-1] - points.pelvis[0])[:2]
     length = float(np.linalg.norm(way))
@@ -318,7 +318,7 @@ def heading(points: BodyPoints, *, file: object = None) -> np.ndarray:
     return way / length
 
 
-def within_stride(stances: Sequence[Stance], moved: Sequence[Stance], start_s: float,
+def _within_stride(stances: Sequence[Stance], moved: Sequence[Stance], start_s: float,
                   period_s: float) -> tuple[Span | None, str]:
     """A foot's stance within the stride (start from 0 to the period, end after it), and how it was found: a whole one
     on the plates tells it; else a strike and a lift-off that belong to two stances; else the motion."""
@@ -337,12 +337,12 @@ def within_stride(stances: Sequence[Stance], moved: Sequence[Stance], start_s: f
     return None, "not seen"
 
 
-def within(times: np.ndarray, stance: Span | None, period_s: float) -> np.ndarray:
+def _within(times: np.ndarray, stance: Span | None, period_s: float) -> np.ndarray:
     """(n,) whether times since phase 0 lie in a stance; all do where none is known."""
     return np.mod(times - stance[0], period_s) <= stance[1] - stance[0] if stance else np.ones(len(times), dtype=bool)
 
 
-def first_strike(stances: Sequence[Stance], window: Span, *, file: object) -> Stance:
+def _first_strike(stances: Sequence[Stance], window: Span, *, file: object) -> Stance:
     """The prosthetic stance that a stride begins with: the first whole one in the window, or one whose strike is seen;
     InputError if there is none."""
     inside = [x for x in stances if window[0] - 1e-9 <= x.start_s <= window[1]]
