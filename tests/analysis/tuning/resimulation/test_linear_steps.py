@@ -41,7 +41,6 @@ def run(walk, names, first, q0, v0, more=0.0):
 def test_linear_answer_is_the_limit_of_the_stepper_s(solution, walk, phase):
     first = int(np.argmin(np.abs(walk.record.time_s - (solution.start_s + phase * solution.period_s))))
     steps = linear_steps(walk, solution.names, first, first + STEPS)
-    assert not steps.elsewhere.any()
     tree = walk.mechanism.tree
     free = np.setdiff1d(np.arange(tree.num_coordinates),
                         [i for i, n in enumerate(tree.coordinate_names)

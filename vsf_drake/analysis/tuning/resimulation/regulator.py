@@ -27,7 +27,6 @@ from vsf_drake.simulation.walk import Walk
 MOST_PERIODS = 50
 REPEATS_WITHIN = 1e-6
 """Relative change of the cost-to-go from one period to the next at which the gains count as periodic."""
-SAME_SPEED = 1e-3  # m/s, rad/s: ends of a step that differ by less are the same
 _LEAST, _SOURCE = 1e-9, "choice"
 
 
@@ -73,10 +72,8 @@ def regulator(
 
     Args:
         A: (N, n, n). B: (N, n, m). Q: (n, n), R: (m, m), the same at every step.
-        periodic: whether the last step is followed by the first; else by nothing, at a cost of Q.
-
-    Raises:
-        FitError: no feedback keeps the cost of a periodic system finite, or it does not settle.
+        periodic: whether the last step is followed by the first; else by nothing, at a cost of Q. FitError where no
+            feedback keeps the cost of a periodic system finite, or it does not settle.
     """
     P, K = Q.copy(), np.zeros((len(A), B.shape[2], A.shape[1]))
     for _ in range(MOST_PERIODS if periodic else 1):
@@ -122,7 +119,6 @@ class LinearSteps:
     B: np.ndarray  # (N, 2 f, 8), per N m or N on each of the eight
     person: np.ndarray  # (16,) where positions and velocities of the eight are in x
     inner: np.ndarray
-    elsewhere: np.ndarray  # (N,) bool, steps that end elsewhere: where friction falls, or not solved in one piece
 
     @property
     def whole(self) -> np.ndarray:
@@ -148,8 +144,7 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
     rest = np.setdiff1d(np.arange(f), place)
     sites, support, load = np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3), np.zeros(tree.num_coordinates)
     A, B = np.zeros((last - first, 2 * f, 2 * f)), np.zeros((last - first, 2 * f, len(moving)))
-    inner, elsewhere = np.zeros((last - first, f, len(moving))), np.zeros(last - first, dtype=bool)
-    eye = np.eye(f)
+    inner, eye = np.zeros((last - first, f, len(moving))), np.eye(f)
     for row, k in enumerate(range(first, last)):
         q0, v0 = (record.q0, record.v0) if k == 0 else (record.q[k - 1], record.v[k - 1])
         q, v = q0.copy(), v0.copy()
@@ -157,7 +152,6 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
         room.applied[moving] = record.load[k, moving]
         step(h, arrays, forces, split, room, mechanism.ground_height, 0.0, float(walk.fulcrum_m[k + 1]),
              record.q[k, held], np.zeros((0, 0)), np.zeros(0), q, v, load, sites, support)
-        elsewhere[row] = np.abs(v - record.v[k]).max() > SAME_SPEED
         tangent_matrix(h, arrays, forces, split, room, FLAT, sites)
         linearise(h, arrays, forces, split, ways, room, tangent, q0, v, sites, support)
         # The step's equations G(q0, v0, v, u) = 0 give dv; then dq = dq0 + h dv, as the step is implicit.
@@ -167,4 +161,4 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
         A[row, :f, :f] += eye
         inner[row, place] = np.eye(len(moving))
         inner[row, rest] = -np.linalg.solve(tangent.Gq[np.ix_(rest, rest)], tangent.Gq[np.ix_(rest, place)])
-    return LinearSteps(A=A, B=B, person=np.concatenate([place, f + place]), inner=inner, elsewhere=elsewhere)
+    return LinearSteps(A=A, B=B, person=np.concatenate([place, f + place]), inner=inner)

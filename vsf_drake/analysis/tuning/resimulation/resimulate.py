@@ -13,13 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.analysis.tuning.common import Check
-from vsf_drake.analysis.tuning.resimulation.regulator import (
-    LinearSteps,
-    RegulatorWeights,
-    linear_steps,
-    multiplier,
-    regulator,
-)
+from vsf_drake.analysis.tuning.resimulation.regulator import RegulatorWeights, linear_steps, multiplier, regulator
 from vsf_drake.analysis.tuning.resimulation.trajectory import (
     COORDINATES,
     FEET,
@@ -291,8 +285,13 @@ def resimulate_with_feedback(
     q, v = np.vstack([record.q0, record.q]), np.vstack([record.v0, record.v])
     columns = [walk.mechanism.tree.index(name) for name in trajectory.names]
     steps = linear_steps(walk, trajectory.names, first, last)
-    gains = _gains(steps, weights, h, hand=hand, periodic=trajectory.periodic) if feedback else np.zeros(
-        (last - first, COORDINATES, 2 * COORDINATES))
+    gains = np.zeros((last - first, COORDINATES, 2 * COORDINATES))  # N m or N per rad, m, rad/s, m/s
+    if feedback:
+        acting, Q = np.arange(0 if hand else len(PELVIS), COORDINATES), np.zeros((steps.A.shape[1],) * 2)
+        Q[steps.person, steps.person] = h / weights.state**2
+        K, _ = regulator(steps.A, steps.B[:, :, acting], Q, np.diag(h / weights.force[acting] ** 2),
+                         periodic=trajectory.periodic)
+        gains[:, acting] = K @ steps.whole
     turns, k = np.divmod(np.arange(strides * len(gains) + (int(np.ceil(TAIL_S / h)) if period else 0)), len(gains))
     states = np.hstack([q[first : last + 1, columns], v[first : last + 1, columns]])[k]
     if trajectory.advance is not None:
@@ -321,18 +320,6 @@ def resimulate_with_feedback(
         hand_moment_nm=float(used_rms[0]))
     return _assess(walker, walk, trajectory, driven.record, kind=FEEDBACK, shift_s=shift_s, fell_s=driven.fell_s,
                    why=driven.why, feedback=use)
-
-
-def _gains(steps: LinearSteps, weights: RegulatorWeights, h: float, *, hand: bool, periodic: bool) -> np.ndarray:
-    """(N, 8, 16), N m or N per rad, m, rad/s, m/s."""
-    n = steps.A.shape[1]
-    gains = np.zeros((len(steps.A), COORDINATES, 2 * COORDINATES))
-    acting = np.arange(0 if hand else len(PELVIS), COORDINATES)
-    Q = np.zeros((n, n))
-    Q[steps.person, steps.person] = h / weights.state**2
-    K, _ = regulator(steps.A, steps.B[:, :, acting], Q, np.diag(h / weights.force[acting] ** 2), periodic=periodic)
-    gains[:, acting] = K @ steps.whole
-    return gains
 
 
 # A run of the stepper with the eight sagittal coordinates free under torques, to its end or until the person falls.
