@@ -118,33 +118,27 @@ def _outcomes(table: Table, arrays: Arrays) -> Facts:
 
 def _motion(table: Table, arrays: Arrays) -> Facts:
     """Forces, motion and torques, as far as they are there; a level 1 tuning has forces only."""
-    found: Facts = {"stance": {}, "stride": None, "motion": None, "torque": None, "figures": {}}
+    found: Facts = {"stance": {}, "stride": None, "figures": {}}
     trials = reading.drawn_trials(table, arrays)
     if trials:
         found["figures"]["force"] = figures.stance_force_figure(table, arrays)
         found["stance"] = {trial: {name: np.nanmax(np.asarray(arrays[prefix + name])[:, 2])
                                    for name in ("recorded", *reading.SHOWN) if prefix + name in arrays}
                            for trial, prefix in trials.items()}
-    if "phase" in arrays and any(f"grf_{foot}" in arrays for foot in reading.FEET):
-        found["figures"]["stride_force"] = figures.stride_force_figure(table, arrays)
+    if "phase" in arrays:
+        found["figures"] |= {"stride_force": figures.stride_force_figure(table, arrays),
+                             "motion": figures.course_figure(table, arrays, "q"),
+                             "torque": figures.course_figure(table, arrays, "torque")}
         found["stride"] = [
             (name, suffix, float(np.linalg.norm(off))) for foot, name in reading.FEET.items()
             for suffix in ("_recorded", "_resimulated_prescribed", "_resimulated_feedback")
             if (off := reading.root_mean_squares(arrays, f"grf_{foot}", suffix)) is not None]
-    if {"phase", "q", "names"} <= set(arrays):
-        found["figures"]["motion"] = figures.course_figure(table, arrays, "q")
-        away, columns = reading.root_mean_squares(arrays, "q"), []
-        for i, name in enumerate(map(str, arrays["names"])):
-            scale, unit = (1e3, " mm") if name in reading.LENGTHS else (180.0 / np.pi, "°")
-            values = scale * np.asarray(arrays["q"])[:, i]
-            columns.append((name, f"{values.min():.0f} to {values.max():.0f}{unit}" if away is None else
-                            f"{scale * away[i]:.1f}{unit}"))
-        found["motion"] = {"compared": away is not None, "columns": columns}
-    if {"phase", "torque", "names"} <= set(arrays):
-        found["figures"]["torque"] = figures.course_figure(table, arrays, "torque")
-        torques = np.asarray(arrays["torque"]).T
-        found["torque"] = [(name, values.min(), values.max()) for name, values in zip(
-            map(str, arrays["names"][-len(torques):]), torques, strict=True)]
+        names, torques = [str(name) for name in arrays["names"]], np.asarray(arrays["torque"]).T
+        found["motion"] = [
+            (name, f"{1e3 * away:.1f} mm" if name in reading.LENGTHS else f"{np.degrees(away):.1f}°")
+            for name, away in zip(names, reading.root_mean_squares(arrays, "q"), strict=True)]
+        found["torque"] = [(name, values.min(), values.max())
+                           for name, values in zip(names[-len(torques):], torques, strict=True)]
     return found
 
 

@@ -59,14 +59,11 @@ class WalkLoads:
 
 
 def walk_loads(
-    walker: Walker, walk: Walk, by: np.ndarray | None, *, joints: Sequence[str], cutoff_hz: float
+    walker: Walker, walk: Walk, by: np.ndarray | None, joints: Sequence[str], cutoff_hz: float
 ) -> WalkLoads:
     """Reads a `walk` that `walker` made, through a zero-phase low-pass, which is linear: so do the derivatives.
 
-    Args:
-        by: (Q, P) derivatives of the walk's `with_respect_to`, made `with_loads`, by the design variables; None without
-            derivatives.
-        joints: coordinates of the prosthetic leg, with the side.
+    `by` has the derivatives (Q, P) of the walk's `with_respect_to`, made `with_loads`, by the design variables, if any.
     """
     record, tree = walk.record, walk.mechanism.tree
     columns, pelvis = ([tree.index(name) for name in names] for names in (joints, PELVIS_COORDINATES[:3]))
@@ -103,7 +100,7 @@ class StanceFrame:
     mass_kg: float
     leg_m: float  # from hip centre to sole, of the intact leg
     own: WalkLoads  # at the trial's own setting
-    plate_W: np.ndarray | None  # (n, 3) N, recorded, low-passed likewise; None without
+    plate_W: np.ndarray | None  # (n, 3) N, recorded, low-passed likewise; None without, or if it saw no load
 
     @property
     def duration_s(self) -> float:
@@ -112,7 +109,7 @@ class StanceFrame:
 
 
 def stance_frame(
-    walker: Walker, trial: Trial, walk: Walk, own: WalkLoads, *, joints: Sequence[str], options: TuningOptions
+    walker: Walker, trial: Trial, walk: Walk, own: WalkLoads, joints: Sequence[str], options: TuningOptions
 ) -> StanceFrame:
     """Prepares `trial` from its `walk` at its own setting; InputError if the prosthetic foot has no whole stance."""
     record, tree, subject = walk.record, walk.mechanism.tree, trial.subject
@@ -136,22 +133,16 @@ def stance_frame(
     shank = int(person.segments[f"shank_{subject.prosthetic_side}"].index())
     socket = tree.index(person.socket.coordinate_names[-1])
     motion = follow(tree, record.q, rates, bodies=[shank], coordinates=[socket], inside=tree.ancestors[:, socket])
-    body = person.body
+    body, plate, force = person.body, trial.plates.get(subject.prosthetic_side), None
+    if plate is not None and plate.time_s[0] <= time[0] + 1e-9 + step and plate.time_s[-1] >= time[-1] - 1e-9 - step:
+        force = low_pass(resample(time, plate.time_s, plate.force_W), rate_hz=1.0 / step, cutoff_hz=options.cutoff_hz)
+    if force is not None and not find_stances(time, force[:, 2]):
+        force = None
     return StanceFrame(
         time_s=time, step_s=step, stances=stances, inside=inside, late=late,
         rates=rates[:, [tree.index(name) for name in joints]], twist=motion.twist[:, 0],
         weight_n=subject.mass_kg * GRAVITY, mass_kg=subject.mass_kg,
-        leg_m=body.thigh_length + body.shank_length + body.ankle_height, own=own,
-        plate_W=_plate(trial, time, step, options.cutoff_hz))
-
-
-def _plate(trial: Trial, time: np.ndarray, step: float, cutoff_hz: float) -> np.ndarray | None:
-    """The prosthetic foot's plate at the walk's instants; None if there is none, or it saw no load there."""
-    plate = trial.plates.get(trial.subject.prosthetic_side)
-    if plate is None or not (plate.time_s[0] <= time[0] + 1e-9 + step and plate.time_s[-1] >= time[-1] - 1e-9 - step):
-        return None
-    force = low_pass(resample(time, plate.time_s, plate.force_W), rate_hz=1.0 / step, cutoff_hz=cutoff_hz)
-    return force if find_stances(time, force[:, 2]) else None
+        leg_m=body.thigh_length + body.shank_length + body.ankle_height, own=own, plate_W=force)
 
 
 Terms = dict[str, np.ndarray]  # (1 + P,) by name of a term of a cost, in the cost's unit

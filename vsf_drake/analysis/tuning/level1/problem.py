@@ -40,6 +40,8 @@ from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.walk import Walk, Walker
 
+Scaled = Callable[[np.ndarray, bool], tuple[float, np.ndarray]]  # see `StiffnessTuning.scaled`
+
 
 @dataclass(frozen=True, eq=False)
 class WalkOutcome:
@@ -52,10 +54,7 @@ class WalkOutcome:
 
 
 class TrialTuning:
-    """One trial of a tuning: walks it at any setting of `design`, the fulcrum first, and takes the costs of the walk.
-
-    Its `own` setting (P,) is where its fulcrum stood, the device as it is.
-    """
+    """One trial of a tuning: walks it at any setting of `design`, the fulcrum first, and takes the walk's costs."""
 
     def __init__(
         self, walker: Walker, trial: Trial, label: str, design: tuple[DesignVariable, ...], options: TuningOptions
@@ -64,6 +63,7 @@ class TrialTuning:
         self.joints = tuple(f"{name}_{trial.subject.prosthetic_side[0]}" for name in options.joints)
         keel = gait_mechanism(walker.gait, walker.context).keel_starts
         self.support_width_m = min(options.support_width_m, 0.5 * float(np.diff(keel).min()))
+        # (P,) where its fulcrum stood, the device as it is.
         self.own = np.array([1e3 * trial.fulcrum_m, *(variable.default for variable in design[1:])])
         self._frames: dict[tuple, StanceFrame] = {}
 
@@ -72,8 +72,7 @@ class TrialTuning:
         key = (step_s, *(base or {}).items())
         if key not in self._frames:
             walk, own = self._walk(self.own, step_s, base or {})
-            self._frames[key] = stance_frame(self.walker, self.trial, walk, own, joints=self.joints,
-                                             options=self.options)
+            self._frames[key] = stance_frame(self.walker, self.trial, walk, own, self.joints, self.options)
         return self._frames[key]
 
     def at(
@@ -93,8 +92,8 @@ class TrialTuning:
             trial.trajectory, fulcrum_m=1e-3 * x[0], start_s=trial.start_s, end_s=trial.end_s, step_s=step_s,
             offsets=trial.offsets, values=values, with_respect_to=tuple(by) if derivatives else (),
             with_loads=derivatives, support_width_m=self.support_width_m)
-        return walk, walk_loads(self.walker, walk, np.array([*by.values()]) if derivatives else None,
-                                joints=self.joints, cutoff_hz=self.options.cutoff_hz)
+        return walk, walk_loads(self.walker, walk, np.array([*by.values()]) if derivatives else None, self.joints,
+                                self.options.cutoff_hz)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,13 +168,13 @@ class StiffnessTuning:
         self.groups = tuple(round(float(part.own[0]), 1) for part in self.parts)
         self.workers = self.options.workers or os.cpu_count() or 1
         self.evaluations = 0
-        self._last: tuple[tuple, Evaluation] | None = None
+        self._last: Evaluation | None = None
 
     def without_smoothing(self) -> StiffnessTuning:
         """The same problem with a support that passes a keel joint at once."""
-        return StiffnessTuning(
-            self.trials, cost=self.cost_name, options=dataclasses.replace(self.options, support_width_m=0.0),
-            labels=self.labels, tasks=self.tasks, walkers=[part.walker for part in self.parts])
+        return StiffnessTuning(self.trials, cost=self.cost_name, labels=self.labels, tasks=self.tasks,
+                               options=dataclasses.replace(self.options, support_width_m=0.0),
+                               walkers=[part.walker for part in self.parts])
 
     def from_u(self, u: np.ndarray) -> np.ndarray:
         """(P,) the setting at search coordinates within 0 and 1."""
@@ -188,28 +187,24 @@ class StiffnessTuning:
     def evaluate(self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None) -> Evaluation:
         """The cost at x (P,), in the options' step or another; SimulationError where a walk fails."""
         x, step = np.array(x, dtype=float), step_s or self.options.step_s
-        key = (tuple(x), step)
-        if self._last is not None and self._last[0] == key and (
-                not derivatives or self._last[1].gradient.shape == x.shape):
-            return self._last[1]
+        last = self._last
+        if last is not None and last.step_s == step and np.array_equal(last.x, x) and (
+                not derivatives or last.gradient.shape == x.shape):
+            return last
         self.evaluations += 1
         with ThreadPoolExecutor(min(len(self.parts), self.workers)) as pool:
             walks = tuple(pool.map(lambda part: part.at(x, step_s=step, derivatives=derivatives), self.parts))
         each = [self.combination.terms(walk.terms) for walk in walks]
         means = {name: np.mean([terms[name] for terms in each], axis=0) for name in each[0]}
-        self._last = (key, Evaluation(x=x, step_s=step, terms=means, walks=walks))
-        return self._last[1]
+        self._last = Evaluation(x=x, step_s=step, terms=means, walks=walks)
+        return self._last
 
-    def scaled(
-        self, u: np.ndarray, gradient: bool = True, *, step_s: float | None = None
-    ) -> tuple[float, np.ndarray]:
+    def scaled(self, u: np.ndarray, gradient: bool = True, *, step_s: float | None = None) -> tuple[float, np.ndarray]:
         """The cost over its size at search coordinates u (P,), and its gradient (P,) by them, empty without."""
         found, size = self.evaluate(self.from_u(u), derivatives=gradient, step_s=step_s), self.combination.size
         return found.cost / size, found.gradient * (self.high - self.low) / size if gradient else np.zeros(0)
 
-    def program(
-        self, cost: Callable[[np.ndarray, bool], tuple[float, np.ndarray]] | None = None
-    ) -> MathematicalProgram:
+    def program(self, cost: Scaled | None = None) -> MathematicalProgram:
         """The tuning for Drake's solvers: u within 0 and 1, and the cost as of `scaled`, or `cost` in its place."""
         evaluate, program = cost or self.scaled, MathematicalProgram()
         u = program.NewContinuousVariables(len(self.design), "u")

@@ -160,11 +160,8 @@ def solve(
 
     Args:
         progress: called after each walk of a sweep and each evaluation of a search.
-        warm_start: the content of a `tuning.json`, from whose setting one more search begins.
-
-    Raises:
-        InputError: `warm_start` is of other variables.
-        FitError: the walks fail at every setting.
+        warm_start: the content of a `tuning.json`, from whose setting one more search begins; InputError if it is of
+            other variables. FitError where the walks fail at every setting.
     """
     found, run, interrupted = TuningSolution(tuning=tuning), Run(tuning, progress), ""
     warm = _warm(tuning, warm_start)
@@ -227,9 +224,7 @@ def _judge(found: TuningSolution, searched: Search, first: Search, run: Run) -> 
         if len(tuning.design) == 1:
             break
     best = tuning.evaluate(searched.x)
-    at_mm = float(best.x[0])
-    low, high = np.array(best.x), np.array(best.x)
-    low[0], high[0] = tuning.low[0], tuning.high[0]
+    at_mm, (low, high) = float(best.x[0]), positions(tuning, best.x, np.inf)
     found.compared = sweep(tuning, np.array([[low, best.x, high, part.own] for part in tuning.parts]),
                            step_s=options.step_s, energies_every=1, forces=True)
     if options.same_load:
