@@ -31,14 +31,13 @@ def told(part: str, **facts: Any) -> list[str]:
     return [" ".join(paragraph.split()) for paragraph in text.split("\n\n") if paragraph.strip()]
 
 
-def tuning_page(table: Table, arrays: Arrays, *, lenient: bool) -> Facts:
+def tuning_page(table: Table, arrays: Arrays, *, lenient: bool, folder: Path | None = None) -> Facts:
     """What `page.chapter_page` is to be given of tuning.json and tuning.npz: chapters that there is anything of."""
     makers = {
         "answer": ("Answer", _answer), "outcomes": ("What changes with the setting", _outcomes),
         "motion": ("Motion and forces", _motion), "tasks": ("One setting for each task, or one for all", _tasks),
         "pareto": ("Between two costs", _pareto), "robustness": ("How firm the setting is", _robustness),
-        "range": ("The whole range", _range), "checks": ("Checks", lambda t, arrays: {
-            "unmet": [row["label"] for row in t["checks"] if row["met"] is False]}),
+        "range": ("The whole range", _range), "checks": ("Checks", _checks),
         "made": ("How this was made", _made)}
     needed = {"range": "sweep"} | {name: name for name in ("outcomes", "tasks", "pareto", "robustness")}
     return _page(table, arrays, {name: made for name, made in makers.items()
@@ -47,12 +46,12 @@ def tuning_page(table: Table, arrays: Arrays, *, lenient: bool) -> Facts:
         "alarm": "" if table["optimal"] else told("alarm", t=table)[0]}
 
 
-def schedule_page(table: Table, *, lenient: bool) -> Facts:
+def schedule_page(table: Table, arrays: Arrays, *, lenient: bool, folder: Path | None = None) -> Facts:
     """The same of a schedule: the policy, what it buys, and how it was made."""
     makers = {"policy": ("What the device would store", _policy), "buys": ("What adaptability buys", _buys),
               "made": ("How this was made", _made)}
     trials = ", ".join(trial for row in table["tasks"] for trial in row["trials"])
-    return _page(table, {}, makers, lenient) | {
+    return _page(table, arrays, makers, lenient) | {
         "title": told("title", what="Settings by task", t=table)[0],
         "first_line": told("first_line", t=table, trials=trials)[0],
         "alarm": "" if table["optimal"] else told("schedule_alarm", t=table)[0]}
@@ -176,8 +175,11 @@ def _pareto(table: Table, arrays: Arrays) -> Facts:
 
 
 def _robustness(table: Table, arrays: Arrays) -> Facts:
-    found = any(row["fulcrum_mm"] is not None for row in table["robustness"])
-    return {"figures": {"robustness": figures.robustness_figure(table)} if found else {}}
+    return {"figures": {"robustness": figures.robustness_figure(table)}}
+
+
+def _checks(table: Table, arrays: Arrays) -> Facts:
+    return {"unmet": [row["label"] for row in table["checks"] if row["met"] is False]}
 
 
 def _range(table: Table, arrays: Arrays) -> Facts:
@@ -233,8 +235,7 @@ def _buys(table: Table, arrays: Arrays) -> Facts:
 
 
 TUNING = ResultsFolder(
-    kind="tuning", command="tune", table="tuning.json", arrays="tuning.npz",
-    show=lambda table, arrays, *, folder, lenient: tuning_page(table, arrays, lenient=lenient),
+    kind="tuning", command="tune", table="tuning.json", arrays="tuning.npz", show=tuning_page,
     known=lambda table: str(table.get("format")).startswith(FORMAT.rpartition(" ")[0]),
     valid=lambda table, path: check_tuning_table(table))
 """The table is that of `analysis.tuning.common.KEYS`; besides, where known, `recorded_mm`, where the fulcrum stood in
@@ -257,8 +258,7 @@ def _check_schedule(table: Table, path: Path) -> None:
 
 
 SCHEDULE = ResultsFolder(
-    kind="schedule", command="schedule", table="policy.json", names=(POLICY_CSV,),
-    show=lambda table, arrays, *, folder, lenient: schedule_page(table, lenient=lenient),
+    kind="schedule", command="schedule", table="policy.json", names=(POLICY_CSV,), show=schedule_page,
     known=lambda table: str(table.get("format")).startswith(POLICY_FORMAT.rpartition(" ")[0]), valid=_check_schedule)
 """The table is that of `policy_table`, with SCHEDULE_KEYS, and for every task `trials` (labels), `sweep` (lists of
 `fulcrum_mm` and `cost`), and if known `rest`, `rest_common`: its cost at its own setting and at the one for all,
