@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -100,9 +101,9 @@ def sum_sites(sites: np.ndarray) -> np.ndarray:
     and moments are about its height."""
     depth, fz, fx, fy, x, y = (sites[:, :, SITE_RECORD.index(name)] for name in (
         "depth", "normal_force", "friction_x", "friction_y", "x", "y"))
-    loaded = fz > 0.0
-    each = np.stack([y * fz + depth * fy, -depth * fx - x * fz, x * fy - y * fx, fx, fy, fz], axis=2)
-    return np.asarray(np.sum(np.where(loaded[:, :, None], each, 0.0), axis=1))
+    along = partial(np.einsum, "ns,ns->n")
+    return np.column_stack([along(y, fz) + along(depth, fy), -along(depth, fx) - along(x, fz),
+                            along(x, fy) - along(y, fx), fx.sum(axis=1), fy.sum(axis=1), fz.sum(axis=1)])
 
 
 def _socket(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
