@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from made_sagittal import embedded_walker, loaded_motion
 
-from vsf_drake.analysis.tuning.resimulation.regulator import linear_steps
-from vsf_drake.analysis.tuning.resimulation.resimulate import drive, walk_prescribed
+from vsf_drake.analysis.tuning.resimulation.resimulate import drive, linear_steps, walk_prescribed
 
 STEPS = 12
 SMALL_Q, SMALL_V, SMALL_TORQUE = 1e-6, 1e-4, 1e-2

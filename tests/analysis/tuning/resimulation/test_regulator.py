@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from vsf_drake.analysis.tuning.resimulation.regulator import RegulatorWeights, multiplier, regulator
+from vsf_drake.analysis.tuning.resimulation.resimulate import RegulatorWeights, multiplier, regulator
 from vsf_drake.errors import FitError, InputError
 
 
