@@ -8,14 +8,12 @@ import struct
 import time
 import tracemalloc
 import zipfile
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 
 from vsf_drake.analysis.validation.run import SectionStore
-from vsf_drake.collocation.solution import load_start
 from vsf_drake.errors import InputError
 from vsf_drake.files import ALWAYS_BYTES, read_npz, sha256
 from vsf_drake.report.fit_output import FIT
@@ -141,7 +139,6 @@ def from_folder(path):
 
 READERS = {
     "archive": from_archive, "fit": from_fit, "section": from_store, "cache": from_cache,
-    "start": lambda path: load_start(SimpleNamespace(), path),
     "report": from_folder}
 
 

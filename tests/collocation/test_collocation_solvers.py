@@ -26,7 +26,7 @@ PROBLEMS = {"spring": spring_mass, "free spring": free_spring_mass, "pendulum": 
 def compared(name, solver, *, warm):
     problem, start, _ = PROBLEMS[name]()
     ours = solve(problem, start)
-    theirs = confirm(problem, ours.last if warm else start, solver, warm=warm, time_limit_s=60.0)
+    theirs = confirm(problem, ours.last if warm else start, solver, time_limit_s=60.0)
     return ours, theirs
 
 
@@ -97,7 +97,7 @@ def test_a_program_for_drakes_solvers_comes_without_a_guess():
 def test_each_new_point_is_evaluated_once_by_either_solver():
     problem, start, _ = PROBLEMS["pendulum"]()
     for solver in ("snopt", "ipopt"):
-        found = confirm(problem, start, solver, warm=False, time_limit_s=5.0)
+        found = confirm(problem, start, solver, time_limit_s=5.0)
         assert found.evaluations < 3000
 
 
@@ -137,7 +137,7 @@ def test_too_little_storage_begins_again_where_snopt_was_with_more(monkeypatch):
                                    get_solver_details=lambda: SimpleNamespace(info=83))
 
     monkeypatch.setattr(importlib.import_module("vsf_drake.collocation.program"), "SnoptSolver", Starved)
-    found = confirm(problem, start, "snopt", warm=False)
+    found = confirm(problem, start, "snopt")
     assert found.status == "optimal", found.message
     assert "1 restarts" in found.message
     assert not np.allclose(starts[0], starts[1])

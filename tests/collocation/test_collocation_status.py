@@ -38,7 +38,7 @@ def test_a_push_too_weak_for_the_way_is_infeasible_and_sealed(as_limit):
 
 def test_snopt_says_so_too():
     problem, _ = rest_to_rest(3.5, as_limit=False, intervals=10)
-    found = confirm(problem, zero(problem), "snopt", warm=False, time_limit_s=20.0)
+    found = confirm(problem, zero(problem), "snopt", time_limit_s=20.0)
     assert found.status == "infeasible"
 
 

@@ -1,54 +1,17 @@
-"""Starts: kept in files, and carried to finer grids and other durations."""
+"""Starts: where a search ended, and carried to finer grids and other durations."""
 
 import numpy as np
 import pytest
 from collocation_problems import pendulum, regulator, spring_mass
 
-from vsf_drake.collocation import (
-    CollocationOptions,
-    Grid,
-    Start,
-    TrajectoryProblem,
-    load_start,
-    resampled,
-    save_start,
-    solve,
-)
-from vsf_drake.collocation.solution import FORMAT
+from vsf_drake.collocation import CollocationOptions, Grid, Start, TrajectoryProblem, resampled, solve
 from vsf_drake.errors import InputError
 
 
-def test_a_saved_solution_is_an_optimum_after_loading_without_an_iteration(tmp_path):
+def test_a_solution_is_an_optimum_where_it_ended_without_an_iteration():
     problem, start, _ = pendulum(intervals=8)
-    solution = solve(problem, start)
-    save_start(solution, tmp_path / "start.npz")
-    loaded = load_start(problem, tmp_path / "start.npz")
-    assert np.array_equal(loaded.z, solution.z)
-    again = solve(problem, loaded)
+    again = solve(problem, solve(problem, start).last)
     assert (again.status, again.iterations) == ("optimal", 0)
-
-
-def test_an_unfinished_search_is_saved_as_well(tmp_path):
-    problem, start, _ = pendulum(intervals=8)
-    solution = solve(problem, start, CollocationOptions(iterations=1))
-    save_start(solution, tmp_path / "start.npz")
-    assert np.array_equal(load_start(problem, tmp_path / "start.npz").p, solution.last.p)
-
-
-def test_files_that_fit_no_problem_are_refused(tmp_path):
-    problem, start, _ = pendulum(intervals=8)
-    save_start(solve(problem, start, CollocationOptions(iterations=1)), tmp_path / "start.npz")
-    with pytest.raises(InputError, match="other variables"):
-        load_start(spring_mass(intervals=8)[0], tmp_path / "start.npz")
-    (tmp_path / "bad.npz").write_text("nothing")
-    with pytest.raises(InputError, match="cannot be read"):
-        load_start(problem, tmp_path / "bad.npz")
-    for other in ({"z": 1.0}, {"format": FORMAT, "z": 1.0}):
-        np.savez(tmp_path / "other.npz", **other)
-        with pytest.raises(InputError, match="no saved trajectory"):
-            load_start(problem, tmp_path / "other.npz")
-    with pytest.raises(InputError, match="there is no such file"):
-        load_start(problem, tmp_path / "missing.npz")
 
 
 def test_a_cubic_is_carried_exactly_to_a_finer_grid():

@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from collocation_problems import pendulum
 from made_c3d import MadePlate, rectangle, write_c3d
 from made_contact import made_contact
 from made_fit import made_curves, made_fit
@@ -39,8 +38,6 @@ from vsf_drake.analysis.validation.study import Section
 from vsf_drake.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.cli.fit_run import Checkpoint
 from vsf_drake.cli.tune import read_warm_start
-from vsf_drake.collocation import load_start, save_start, solve
-from vsf_drake.collocation.sqp import CollocationOptions
 from vsf_drake.contact_file import load_contact, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource, sha256, write_json
@@ -182,7 +179,6 @@ READERS = (
     Reader("section", ("walking.json", "walking.npz"), (in_folder(lambda at: SectionStore(at, KEY).read("walking")),),
            anything, signed="walking.json"),
     Reader("sweep", ("sweep.json",), (in_folder(lambda out: check_sweep_folder(out, [small_trial()])),), anything),
-    Reader("start", ("start.npz",), (lambda path: load_start(pendulum(intervals=8)[0], path),), sound),
     Reader("cache", (f"{KEY[:2]}/{KEY}.npz",), (lambda path: WalkCache(path.parents[1]).read(KEY),), anything),
 )
 
@@ -351,9 +347,6 @@ def _write_results(folder: Path, validation: Path | None) -> None:
     own = small_trial()
     write_json(folder / "sweep" / "sweep.json", {
         "kind": "sweep", "trials": [{"name": own.name, "file": str(own.path), "inputs": own.inputs}]})
-    problem, start, _ = pendulum(intervals=8)
-    (folder / "start").mkdir()
-    save_start(solve(problem, start, CollocationOptions(iterations=1)), folder / "start" / "start.npz")
     WalkCache(folder / "cache").write(
         Task(KEY, "person", "motion", {"step_s": 1e-3}, ("grf_W",), {"numpy": "2"}),
         Reply(Kind.DONE, arrays={"grf_W": np.ones((4, 3))}, columns={"q": ("a", "b")}, unconverged_steps=0,

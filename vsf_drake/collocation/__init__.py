@@ -16,9 +16,8 @@ from vsf_drake.collocation.problem import (
     TrajectoryProblem,
 )
 from vsf_drake.collocation.program import confirm, program
-from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution, load_start, resampled, save_start
+from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution, resampled
 from vsf_drake.collocation.sqp import CollocationOptions, solve
 
 __all__ = ("CollocationOptions", "Convex", "Design", "Grid", "InstantFunction", "Iteration", "Layout", "Limits",
-           "Residuals", "Start", "TrajectoryProblem", "TrajectorySolution", "confirm", "load_start", "program",
-           "resampled", "save_start", "solve")
+           "Residuals", "Start", "TrajectoryProblem", "TrajectorySolution", "confirm", "program", "resampled", "solve")

@@ -157,16 +157,15 @@ def _grouped(scaled: Scaled) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(np.array(rows), np.unique(matrix[rows].indices)) for rows in groups.values()]
 
 
-def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, time_limit_s: float = 120.0,
-            warm: bool = True) -> TrajectorySolution:
-    """Solves the problem with SNOPT or IPOPT from a start, e.g. from a solution's `last`: a second opinion.
+def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, time_limit_s: float = 120.0
+            ) -> TrajectorySolution:
+    """Solves the problem with SNOPT or IPOPT from a start near a solution, e.g. from its `last`: a second opinion.
 
     Their answer is judged anew: violation and first-order residual of what comes back are this package's own, whatever
     the solver says. Drake hands IPOPT no Hessian, so that it has a limited-memory one; near a solution it creeps.
 
     Args:
         time_limit_s: wall time for IPOPT and processor time for SNOPT, of all restarts together.
-        warm: whether the start is near a solution (IPOPT then begins with a small barrier).
 
     Raises:
         InputError: there is no such solver, or the start has another shape than the problem.
@@ -176,7 +175,7 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, 
     began, scaled = time.perf_counter(), Scaled(problem)
     x = scaled.start(start.z, start.p).x
     if solver == "ipopt":
-        result = IpoptSolver().Solve(program(scaled), x, _ipopt(time_limit_s, warm=warm))
+        result = IpoptSolver().Solve(program(scaled), x, _ipopt(time_limit_s))
         details = result.get_solver_details()
         status = IPOPT_ENDS.get(int(details.status), "failed")
         message = f"IPOPT ends with status {details.status} ({details.ConvertStatusToString()})"
@@ -209,16 +208,15 @@ def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[Mathemat
     return result, restarts
 
 
-def _ipopt(time_limit_s: float, *, warm: bool) -> SolverOptions:
-    chosen: dict[str, float | int | str] = {
+def _ipopt(time_limit_s: float) -> SolverOptions:
+    """Of a search that begins near a solution, hence with a small barrier."""
+    return _settings(IpoptSolver.id(), {
         "hessian_approximation": "limited-memory", "limited_memory_max_history": 50, "tol": OPTIMALITY,
         "constr_viol_tol": FEASIBILITY, "acceptable_tol": LOOSER * OPTIMALITY, "acceptable_iter": 5,
         "max_wall_time": float(time_limit_s), "max_iter": MINOR_ITERATIONS, "mu_strategy": "monotone",
-        "option_file_name": ""}  # else it reads ipopt.opt of the current folder
-    if warm:
-        chosen |= {"mu_init": 1e-7, "bound_push": 1e-7, "bound_frac": 1e-7, "slack_bound_push": 1e-7,
-                   "slack_bound_frac": 1e-7, "bound_mult_init_method": "mu-based", "constr_mult_init_max": 1e10}
-    return _settings(IpoptSolver.id(), chosen)
+        "option_file_name": "",  # else it reads ipopt.opt of the current folder
+        "mu_init": 1e-7, "bound_push": 1e-7, "bound_frac": 1e-7, "slack_bound_push": 1e-7, "slack_bound_frac": 1e-7,
+        "bound_mult_init_method": "mu-based", "constr_mult_init_max": 1e10})
 
 
 def _settings(solver: SolverId, chosen: Mapping[str, float | int | str]) -> SolverOptions:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
@@ -13,10 +12,8 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from vsf_drake.collocation.problem import Grid, TrajectoryProblem
 from vsf_drake.collocation.scaled import Point, Scaled
 from vsf_drake.errors import FitError, InputError
-from vsf_drake.files import read_npz, replaced
 
 ON_BOUND = 1e-6  # so near, in its scale, a design parameter counts as on its bound
-FORMAT = "vsf_drake trajectory 1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,60 +125,21 @@ def finished(scaled: Scaled, at: Point, *, status: str, message: str, optimality
         at_bound=tuple(np.array(problem.design.names, dtype=object)[near & ~scaled.fixed[n:]]), history=history)
 
 
-# Starts kept in files, and carried to another grid.
-
-
-def save_start(solution: TrajectorySolution, path: str | Path) -> None:
-    """Writes a search's last iterate, whatever it is worth, as .npz with its grid, names and status."""
-    problem, last = solution.problem, solution.last
-    with replaced(path, "wb") as stream:
-        np.savez_compressed(
-            stream, format=np.array(FORMAT), z=last.z, p=last.p, names=np.array(problem.layout.names, dtype=str),
-            design=np.array(problem.design.names, dtype=str), advance=problem.advance,
-            status=np.array(solution.status), cost=solution.last_cost, **dataclasses.asdict(problem.grid))
-
-
-def load_start(problem: TrajectoryProblem, path: str | Path) -> Start:
-    """A saved start for a problem of the same variables, else InputError; carried to its grid if that is another."""
-    found = read_npz(path)
-    needed = {"names", "design", "z", "p", "advance", *(item.name for item in dataclasses.fields(Grid))}
-    if str(found.get("format", "")) != FORMAT or not needed <= found.keys():
-        raise InputError("is no saved trajectory", file=path, right="Give what save_start wrote")
-    for name, own in (("names", problem.layout.names), ("design", problem.design.names)):
-        known = [str(each) for each in np.ravel(found[name])]
-        if known != list(own):
-            raise InputError(f"is of other variables: {', '.join(known)}", file=path, where=name,
-                             right=f"This problem has {', '.join(own)}")
-    try:
-        grid = Grid(str(found["method"]), int(found["intervals"]), float(found["duration_s"]), bool(found["periodic"]))
-        z, p, advance = (np.asarray(found[name], dtype=float) for name in ("z", "p", "advance"))
-        if z.shape != (grid.instants, problem.layout.size) or p.shape != (problem.parameters,):
-            raise ValueError(f"shapes {z.shape} and {p.shape}")
-        if not all(np.isfinite(array).all() for array in (z, p, advance)):
-            raise ValueError("a number is not finite")
-        return Start(z if grid == problem.grid else _carried(problem, z, grid, problem.grid, advance), p)
-    except (InputError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
-        raise InputError(f"is damaged ({error})", file=path) from None
+# Starts carried to another grid.
 
 
 def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
-    """A search's last iterate on another grid, to begin there."""
-    problem, last = solution.problem, solution.last
-    return Start(_carried(problem, last.z, problem.grid, grid, problem.advance), last.p)
-
-
-def _carried(problem: TrajectoryProblem, z: np.ndarray, old: Grid, new: Grid, advance: np.ndarray) -> np.ndarray:
-    """Variables (N, Z) of one grid on another (M, Z): q and v as cubics with the rates they have, the rest by splines.
-
-    Another duration stretches time: values stay, v and u scale with the ratio of durations, a with its square.
+    """A search's last iterate on another grid, to begin there: q and v as cubics with the rates they have, the rest by
+    splines. Another duration stretches time: values stay, v and u scale with the ratio of durations, a with its square.
     """
-    if old.periodic != new.periodic:
+    problem, z, old = solution.problem, solution.last.z, solution.problem.grid
+    if old.periodic != grid.periodic:
         raise InputError("one grid is periodic and the other is not", where="grid")
-    layout, ratio, times = problem.layout, old.duration_s / new.duration_s, old.times_s
+    layout, ratio, times = problem.layout, old.duration_s / grid.duration_s, old.times_s
     if old.periodic:
         z, times = np.vstack([z, z[:1]]), np.append(times, old.duration_s)
-        z[-1, layout.q] += advance
-    at = np.clip(new.times_s * ratio, 0.0, old.duration_s)
+        z[-1, layout.q] += problem.advance
+    at = np.clip(grid.times_s * ratio, 0.0, old.duration_s)
     found = np.empty((len(at), layout.size))
     found[:, layout.q] = CubicHermiteSpline(times, z[:, layout.q], z[:, layout.v])(at)
     found[:, layout.v] = CubicHermiteSpline(times, z[:, layout.v], z[:, layout.a])(at) * ratio
@@ -189,4 +147,4 @@ def _carried(problem: TrajectoryProblem, z: np.ndarray, old: Grid, new: Grid, ad
     found[:, rest] = CubicSpline(times, z[:, rest], bc_type="periodic" if old.periodic else "not-a-knot")(at)
     found[:, layout.a] *= ratio**2
     found[:, layout.u] *= ratio
-    return found
+    return Start(found, solution.last.p)

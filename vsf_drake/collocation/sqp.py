@@ -20,7 +20,7 @@ from vsf_drake.collocation.problem import TrajectoryProblem
 from vsf_drake.collocation.scaled import Linearised, Point, Scaled
 from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution, finished
 from vsf_drake.collocation.step import Kkt, Step, find_step, normals, optimality, room_changes
-from vsf_drake.schema import check, choice, quantity
+from vsf_drake.schema import check, quantity
 
 Progress = Callable[[Iteration], None]
 ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
@@ -47,15 +47,12 @@ class CollocationOptions:
         iterations: most iterations. time_limit_s: most wall time, checked once an iteration.
         violation: largest violation of any equation or limit of a solution.
         optimality: largest first-order residual, relative to 1 + the largest multiplier.
-        curvature: "gauss_newton", "exact" (Hessian of the Lagrangian by differences, Z + P more linearisations an
-            iteration) or "auto": exact once Gauss-Newton has become slow near a solution.
     """
 
     iterations: int = quantity(200, unit="1", low=1, source="choice")
     time_limit_s: float = quantity(600.0, unit="s", low=1e-9, source="choice")
     violation: float = quantity(1e-8, unit="1", low=1e-300, source="choice")
     optimality: float = quantity(1e-6, unit="1", low=1e-300, source="choice")
-    curvature: str = choice("auto", options=("auto", "gauss_newton", "exact"), source="choice")
 
     def __post_init__(self) -> None:
         check(self)
@@ -131,12 +128,10 @@ class _Search:
         return kkt, self._step(kkt)
 
     def _wants_curvature(self) -> bool:
-        past, wanted = self.history, self.options.curvature
-        if wanted == "gauss_newton" or len(past) < self.resume or past[-1].violation > NEAR:
+        past = self.history
+        if len(past) < self.resume or past[-1].violation > NEAR:
             return False
-        return self.exact or wanted == "exact" or (
-            len(past) > SLOW and past[-1].optimality < NEAR
-            and past[-1].optimality > 0.1 * past[-1 - SLOW].optimality)
+        return self.exact or (len(past) > SLOW and 0.1 * past[-1 - SLOW].optimality < past[-1].optimality < NEAR)
 
     def _mislead(self) -> None:
         """Curvature did no good here: none for some iterations."""
