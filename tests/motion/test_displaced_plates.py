@@ -39,6 +39,13 @@ def test_plate_beside_the_foot_is_doubted():
     assert contact.side == "right" and "10 cm beside the foot" in contact.doubt
 
 
+def test_force_down_or_sideways_is_refused():
+    with pytest.raises(InputError, match=r"made\.c3d: plate R0: its vertical force is negative"):
+        assign(*(dataclasses.replace(p, force_n=-p.force_n) for p in everywhere()))
+    with pytest.raises(InputError, match="not vertical"):
+        assign(*(dataclasses.replace(p, force_n=p.force_n[:, [2, 1, 0]]) for p in everywhere()))
+
+
 def test_no_plates_or_empty_plates_are_refused():
     with pytest.raises(InputError, match="has no force plates"):
         assign()

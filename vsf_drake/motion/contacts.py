@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from scipy.ndimage import median_filter
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import (
+    MINIMUM_PEAK_N,
     MINIMUM_S,
     THRESHOLD_N,
     Span,
@@ -101,12 +103,14 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
 
     The recording is on the clock of `time_s` (n,), that of the feet, by side, and of a point of the pelvis, (n, 3) m.
     Plate names by side as `stated` by the user win over the centre of pressure, and a contradiction is noted. Refused
-    where plates are not there, not loaded while the feet are seen, or mostly far from both feet.
+    where plates are not there, pulled sideways or upwards, not loaded while the feet are seen, or mostly far from both.
     """
     file = recording.force_path or recording.path
     if not recording.plates:
         raise InputError("has no force plates", file=file, where="forces (--forces)",
                          right="Name the file that has the forces")
+    for plate in recording.plates:
+        _check_upward(plate, file)
     names = {name: side for side, name in (stated or {}).items() if name is not None}
     known = [plate.name for plate in recording.plates]
     for name, side in names.items():
@@ -158,6 +162,23 @@ def _check_near(found: Sequence[_Load], recording: Recording, time_s: np.ndarray
 
 
 # Force plates that cannot be right: the same one twice.
+
+
+def _check_upward(plate: Plate, file: Path) -> None:
+    """Files are turned upright when they are read; a recording that a program made may not be."""
+    where = f"plate {plate.name}"
+    if not np.isfinite(plate.force_n).all():
+        raise InputError("its force is not finite", file=file, where=where)
+    size = np.linalg.norm(plate.force_n, axis=1)
+    if size.max(initial=0.0) < MINIMUM_PEAK_N:
+        return
+    mean = plate.force_n[size > 0.3 * size.max()].mean(axis=0)
+    if np.argmax(np.abs(mean)) != 2:
+        raise InputError("the largest part of its force is not vertical", file=file, where=where,
+                         right="Say which axis of the file is up, laboratory.up (--up), and check the plate's corners")
+    if mean[2] < 0.0:
+        raise InputError(f"its vertical force is negative ({mean[2]:.4g} N)", file=file, where=where,
+                         right="The force of the ground on the person is needed, up positive: turn its sign")
 
 
 def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Plate], list[str]]:
