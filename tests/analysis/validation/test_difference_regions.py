@@ -9,10 +9,10 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import ttest_rel
 
-from vsf_drake.analysis.validation.walking_ensembles import Ensemble
 from vsf_drake.analysis.validation.walking_section import (
     BOOTSTRAP,
     SPM,
+    Ensemble,
     bootstrap_band,
     differing_regions,
     spm_version,

@@ -10,7 +10,7 @@ from made_results import FOOT_LENGTH_M, WEIGHT_N, make_plate, make_walk, turned,
 from made_study_walk import made_study_walk
 
 from vsf_drake.analysis.comparison import percent_instants
-from vsf_drake.analysis.validation.walking_ensembles import QUANTITIES, ensembles, walk_curves
+from vsf_drake.analysis.validation.walking_section import QUANTITIES, ensembles, walk_curves
 
 INNER = slice(5, 96)
 

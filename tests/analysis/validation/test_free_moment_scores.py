@@ -9,7 +9,7 @@ import pytest
 from made_results import FOOT_LENGTH_M, WEIGHT_N, make_plate, make_walk
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.validation.walking_ensembles import free_moment_scores, has_free_moment, stance_free_moments
+from vsf_drake.analysis.validation.walking_section import free_moment_scores, has_free_moment, stance_free_moments
 
 
 def loaded(force_W, value):

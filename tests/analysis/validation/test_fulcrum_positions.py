@@ -12,9 +12,8 @@ from shown_chapter import Shown
 
 from vsf_drake.analysis.comparison import compare, rmse
 from vsf_drake.analysis.contact_fit.assessment import swept
-from vsf_drake.analysis.validation import walking_ensembles as module
-from vsf_drake.analysis.validation.walking_ensembles import QUICK_POSITIONS, sweep_entry, sweep_study
-from vsf_drake.analysis.validation.walking_section import walking_section
+from vsf_drake.analysis.validation import walking_section as module
+from vsf_drake.analysis.validation.walking_section import QUICK_POSITIONS, sweep_entry, sweep_study, walking_section
 from vsf_drake.report.validation.walking_chapter import walking_chapter
 from vsf_drake.simulation.many import WalkOutcome
 from vsf_drake.simulation.walk import Walker

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.validation.sensitivity_walks import (
+from vsf_drake.analysis.validation.sensitivity_section import (
     dropped,
     morris_design,
     morris_rows,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_study import embedded_study
 
-from vsf_drake.analysis.validation.sensitivity_walks import (
+from vsf_drake.analysis.validation.sensitivity_section import (
     GROUPS,
     REFERENCE_DEPTH_M,
     Factor,

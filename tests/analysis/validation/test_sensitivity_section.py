@@ -10,8 +10,12 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation import sensitivity_section as sensitivity
-from vsf_drake.analysis.validation.sensitivity_section import chosen_walks, sensitivity_section, strongest_factors
-from vsf_drake.analysis.validation.sensitivity_walks import OUTPUTS
+from vsf_drake.analysis.validation.sensitivity_section import (
+    OUTPUTS,
+    chosen_walks,
+    sensitivity_section,
+    strongest_factors,
+)
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, Section, Study, StudyOptions
 from vsf_drake.files import plain
 

@@ -11,14 +11,15 @@ from made_study import embedded_study
 from vsf_drake.analysis.comparison import compare, compare_sensitivity
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.validation.energy_ledger import prosthesis_energy
-from vsf_drake.analysis.validation.sensitivity_section import local_changes, value_slopes
-from vsf_drake.analysis.validation.sensitivity_walks import (
+from vsf_drake.analysis.validation.sensitivity_section import (
     OUTPUTS,
     DesignWalks,
     Factor,
+    local_changes,
     morris_design,
     morris_rows,
     sensitivity_factors,
+    value_slopes,
 )
 from vsf_drake.analysis.validation.study import STEP_S
 from vsf_drake.motion.events import find_stances

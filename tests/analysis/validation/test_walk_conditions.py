@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.validation.study import spread
-from vsf_drake.analysis.validation.walking_ensembles import (
+from vsf_drake.analysis.validation.walking_section import (
     PUBLISHED,
     SCORED,
     condition,

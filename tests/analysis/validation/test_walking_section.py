@@ -15,8 +15,7 @@ from made_study_walk import with_plate, with_walks
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.validation.study import walk_trial
-from vsf_drake.analysis.validation.walking_ensembles import QUANTITIES
-from vsf_drake.analysis.validation.walking_section import walking_section
+from vsf_drake.analysis.validation.walking_section import QUANTITIES, walking_section
 
 
 @pytest.fixture(scope="module")

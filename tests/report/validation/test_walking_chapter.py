@@ -13,8 +13,7 @@ from made_study import embedded_study
 from made_study_walk import with_plate, with_walks
 from shown_chapter import Shown
 
-from vsf_drake.analysis.validation.walking_ensembles import PUBLISHED
-from vsf_drake.analysis.validation.walking_section import walking_section
+from vsf_drake.analysis.validation.walking_section import PUBLISHED, walking_section
 from vsf_drake.report.page import cell
 from vsf_drake.report.style import save_figure
 from vsf_drake.report.validation.walking_chapter import exact_chapter, walk_errors_figure, walking_chapter

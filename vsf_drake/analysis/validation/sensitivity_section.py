@@ -8,34 +8,52 @@ the mean of these and by condition. Indices are of the middle condition's trial 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.stats import spearmanr
 
-from vsf_drake.analysis.comparison import compare_sensitivity
-from vsf_drake.analysis.validation.sensitivity_walks import (
-    AT_ONCE,
-    OUTPUTS,
-    Design,
-    DesignWalks,
-    Factor,
-    dropped,
-    morris_design,
-    morris_rows,
-    ranked,
-    sensitivity_factors,
-    sobol_design,
-    sobol_rows,
-    values_at,
+from vsf_drake.analysis.comparison import (
+    FORCE_CUTOFF_HZ,
+    THRESHOLD_N,
+    Comparison,
+    StanceComparison,
+    compare,
+    compare_sensitivity,
+    filtered_while_loaded,
+    partner,
+    percent_instants,
+    resample,
+    rmse,
+    uniform_grid,
+    walk_axes,
 )
-from vsf_drake.analysis.validation.study import HELD_OUT, STEP_S, Progress, Section, Study, StudyWalk
+from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
+from vsf_drake.analysis.validation.study import (
+    HELD_OUT,
+    KEEP,
+    LIMB_ANGLES,
+    STEP_S,
+    Progress,
+    Section,
+    Study,
+    StudyWalk,
+    known,
+    rms,
+    walkers_of,
+)
 from vsf_drake.files import plain
+from vsf_drake.motion.events import Stance, find_stances
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.sentences import say
+from vsf_drake.simulation.many import SweepProgress, WalkCase, WalkOutcome, simulate_many
 from vsf_drake.simulation.many.processes import chosen
+from vsf_drake.simulation.variables import Variable
+from vsf_drake.simulation.walk import Walker
 
 MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")
 """The outputs by which the strongest factors are chosen: those that the question is about."""
@@ -228,3 +246,349 @@ def stability(by_condition: Sequence[Sequence[float] | None]) -> float | None:
     some = [effects for effects in by_condition if effects is not None]
     pairs = [spearmanr(some[i], some[j]).statistic for i in range(len(some)) for j in range(i)]
     return min(pairs) if pairs else None
+
+
+# The walks of the study: each point of a design walked in every trial, and what is read off each walk.
+
+OUTPUTS = ("grf_rmse_bw", "cop_rmse_fl", "cop_shift_mm", "peak_vertical_bw", "spring_stored_j", "spring_returned_j",
+           "spring_return_ratio", "keel_stored_j")
+"""What is read off a walk:
+
+- grf_rmse_bw, cop_rmse_fl: as in `analysis.metrics`.
+- cop_shift_mm: mean over the stance of the model's CoP less the plate's, fore-aft, forward positive.
+- peak_vertical_bw: largest vertical force (40 Hz) in the measured stance.
+- spring_stored_j: largest strain energy of the spring, which is the keel with the support under it, between the
+  model's touch-down and toe-off, less that at touch-down. The foam is not in it.
+- spring_returned_j: what of it is gone by toe-off, less what the damping of both took on the way.
+- spring_return_ratio: returned over stored.
+- keel_stored_j: as spring_stored_j, of the keel alone.
+
+The last five are means over complete stances."""
+AT_ONCE = 480
+"""Walks whose arrays are held at a time."""
+
+
+class WalkScorer:
+    """Reads the OUTPUTS off walks of one trial: the definitions of `analysis.comparison` and `analysis.metrics`."""
+
+    def __init__(self, walk: StudyWalk, walker: Walker) -> None:
+        trial = walk.trial
+        run = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                          step_s=STEP_S, offsets=trial.offsets)
+        self.result = walker.result(run, trial, trial.offsets, energy=False)
+        self.comparison: Comparison = compare(self.result, trial.prosthetic_plate)
+        self._weight = trial.subject.mass_kg * GRAVITY
+        self._axes = walk_axes(self.comparison.heading)
+        self._measured = np.linalg.norm(self.comparison.measured, axis=1)[self.comparison.scored] / self._weight
+
+    def score(self, outcome: WalkOutcome) -> np.ndarray:
+        """(len(OUTPUTS),) of a walk that kept KEEP; NaN where one is not known, all NaN of a walk that failed."""
+        if not outcome.ok:
+            return np.full(len(OUTPUTS), np.nan)
+        time, grf, cop, energies = (outcome.arrays[name] for name in KEEP)
+        energy = dict(zip(outcome.columns["energy_j"], energies.T, strict=True))
+        c, grid = self.comparison, uniform_grid(time)
+        raw = resample(grid, time, grf @ self._axes.T)
+        first = int(np.searchsorted(grid, c.time_s[0] - 1e-9))
+        model = low_pass(raw, rate_hz=1.0 / c.step_s, cutoff_hz=FORCE_CUTOFF_HZ)[first : first + len(c.time_s)]
+        error = rmse(np.linalg.norm(model, axis=1)[c.scored] / self._weight, self._measured)
+        off_m = known(x for item in c.stances for x in self._cop_error(item, time, grf, cop))
+        stances = find_stances(grid, raw[:, 2], threshold_n=THRESHOLD_N)
+        rows = [[model[c.within(item.measured.start_s, item.measured.end_s), 2].max() / self._weight,
+                 *_spring(time, energy, item.measured, stances)] for item in c.stances if item.inside]
+        return np.array([error, rms(off_m) / self.result.foot_length_m,
+                         1e3 * off_m.mean() if off_m.size else np.nan,
+                         *(np.mean(rows, axis=0) if rows else np.full(5, np.nan))])
+
+    def _cop_error(self, item: StanceComparison, time: np.ndarray, grf: np.ndarray, cop: np.ndarray) -> np.ndarray:
+        """(101,) m, model less plate over the measured stance, fore-aft; NaN where either is not loaded."""
+        instants = percent_instants(item.measured)
+        curve = filtered_while_loaded(cop @ self._axes[:2].T, time, grf[:, 2], cop, instants)[:, 0]
+        outside = (instants < self.comparison.time_s[0] - 1e-9) | (instants > self.comparison.time_s[-1] + 1e-9)
+        return np.where(outside, np.nan, curve - item.measured_cop[:, 0])
+
+
+def _spring(
+    time: np.ndarray, energy: dict[str, np.ndarray], measured: Stance, stances: Sequence[Stance]
+) -> tuple[float, float, float, float]:
+    """The last four OUTPUTS, in the model's stance that overlaps `measured`; NaN without a complete one."""
+    own = partner(measured, stances)
+    if own is None or not own.complete:
+        return np.nan, np.nan, np.nan, np.nan
+    down, off = np.searchsorted(time, [own.start_s, own.end_s])
+    strain, loss = (energy[f"keel_{kind}"] + energy[f"fulcrum_{kind}"] for kind in ("strain", "loss"))
+    full = down + int(np.argmax(strain[down : off + 1]))
+    stored = strain[full] - strain[down]
+    returned = strain[full] - strain[off] - (loss[off] - loss[full])
+    keel = energy["keel_strain"][down : off + 1].max() - energy["keel_strain"][down]
+    return float(stored), float(returned), float(returned / stored) if stored > 0.0 else np.nan, float(keel)
+
+
+class DesignWalks:
+    """Walks every point of a design in each of several trials, on `count` workers of an executor (None: here)."""
+
+    def __init__(self, walks: Sequence[StudyWalk], executor: Any = None, count: int = 1) -> None:
+        self.walks, self._executor, self._count = walks, executor, count
+        self.failures: list[str] = []  # why walks failed, in the order of the points
+        self.walked = self.unconverged = 0  # walks so far, and those that accepted steps without convergence
+        self.walkers = walkers_of(walk.trial for walk in walks)
+        self.scorers = [WalkScorer(walk, walker) for walk, walker in zip(walks, self.walkers, strict=True)]
+        self.variables: list[Mapping[str, Variable]] = [walker.variables for walker in self.walkers]
+        reaches = [(walk.trial.model.foot.fulcrum, walk.trial.fulcrum_m) for walk in walks]
+        self.limits = [{"fulcrum.shift": (min(reach.rearmost_m - at, 0.0), max(reach.foremost_m - at, 0.0))}
+                       for reach, at in reaches]  # as in `values_at`
+
+    def baseline(self) -> np.ndarray:
+        """(trials, len(OUTPUTS)) with every factor as the study has it."""
+        return self(np.zeros((1, 0)), factors=())[0]
+
+    def __call__(
+        self, points: np.ndarray, *, factors: Sequence[Factor], trials: Sequence[int] | None = None,
+        progress: Callable[[float], None] | None = None
+    ) -> np.ndarray:
+        """(rows, trials, len(OUTPUTS)) at points (rows, k), the shares of the ranges of k factors, in some or all
+        trials; NaN where a walk failed or a value is not known. What is no factor stays as the study has it."""
+        trials = range(len(self.walks)) if trials is None else trials
+        values = np.full((len(points), len(trials), len(OUTPUTS)), np.nan)
+        rows = max(1, AT_ONCE // len(trials))
+        for start in range(0, len(points), rows):
+            part = points[start : start + rows]
+            cases = [WalkCase(trial=self.walks[t].trial, step_s=STEP_S, label=f"point {start + i}",
+                              values=values_at(factors, point, self.variables[t], self.limits[t]))
+                     for i, point in enumerate(part) for t in trials]
+
+            def show(state: SweepProgress, start: int = start, size: int = len(part)) -> None:
+                if progress:
+                    progress((start + size * state.done / max(state.total, 1)) / len(points))
+
+            outcomes = simulate_many(cases, keep=KEEP, workers=self._count, executor=self._executor, progress=show)
+            for n, outcome in enumerate(outcomes):
+                row, place = divmod(n, len(trials))
+                values[start + row, place] = self.scorers[trials[place]].score(outcome)
+                self.unconverged += bool(outcome.unconverged_steps)
+            self.failures += [outcome.failure for outcome in outcomes if outcome.failure is not None]
+            self.walked += len(cases)
+        return values
+
+
+# The factors of the sensitivity study: what one does not know of a walk's model before a fit, and how far.
+#
+# Each range is the uncertainty that one really has, not what a search may try. Shifts are added to the study's values
+# (the fitted contact, where there is one); ratios multiply them and are sampled in the logarithm. All are sampled
+# evenly. Errors of the pelvis's orientation are not among them: where markers on the thigh are tracked, the hip's
+# angles take them up, and the leg stays where it was.
+
+CONTACT, FRICTION, GEOMETRY, KINEMATICS, BUSHING, KEEL = GROUPS = (
+    "contact", "friction", "geometry", "kinematics", "bushing", "keel")
+SHIFT, RATIO, EXPONENT = "shift", "ratio", "exponent"
+"""How a factor changes its variables: adds to them, multiplies them, or adds to an exponent at the same force at
+REFERENCE_DEPTH_M."""
+FULCRUM_M = 5e-3
+"""How far off the support may really be, either way."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Factor:
+    """One factor of the study: `low` to `high` is its range, about no change."""
+
+    name: str  # for people
+    group: str  # one of GROUPS
+    unit: str  # of `low` and `high`: "mm", "deg", "×" (times the study's value) or "1"
+    low: float
+    high: float
+    why: str  # where the range comes from
+    variables: tuple[str, ...]  # of the walker, which it changes together
+    kind: str = SHIFT  # how it changes them
+
+    def value(self, share: float, limits: tuple[float, float] = (-math.inf, math.inf)) -> float:
+        """What is added or multiplied (SI) at a share from 0 to 1 of the range, or of its part within `limits`."""
+        low, high = (min(max(bound * _SI[self.unit], limits[0]), limits[1]) for bound in (self.low, self.high))
+        if self.kind == RATIO:
+            return float(low * (high / low) ** share)
+        return float(low + (high - low) * share)
+
+
+_SI = {"mm": 1e-3, "deg": math.radians(1.0), "1": 1.0, "×": 1.0}
+
+
+def sensitivity_factors(variables: Mapping[str, Variable], side: str) -> tuple[Factor, ...]:
+    """The factors of a walker with these variables; `side` is that of the prosthesis, "right" or "left"."""
+    zones = [name.split(".")[1] for name in variables if name.startswith("contact.") and name.endswith(".stiffness")]
+    words, leg = {zone: zone.replace("_", " ") for zone in zones}, side[0]
+
+    def ratio(name: str, group: str, most: float, why: str, *changed: str) -> Factor:
+        return Factor(name=name, group=group, unit="×", low=1.0 / most, high=most, why=why, variables=changed,
+                      kind=RATIO)
+
+    def shift(name: str, group: str, unit: str, most: float, why: str, changed: str) -> Factor:
+        return Factor(name=name, group=group, unit=unit, low=-most, high=most, why=why, variables=(changed,))
+
+    found = [ratio(f"{words[zone]} foam stiffness", CONTACT, 1.5, "the bench knows the foam under one load point, no "
+                   "more", f"contact.{zone}.stiffness") for zone in zones]
+    found += [
+        Factor(name="foam exponent", group=CONTACT, unit="1", low=-0.2, high=0.2, kind=EXPONENT,
+               variables=tuple(f"contact.{zone}.exponent" for zone in zones),
+               why=f"foams differ; at the same force at {1e3 * REFERENCE_DEPTH_M:g} mm, so that no stiffness hides in "
+                   "it; not below 1"),
+        ratio("foam damping", CONTACT, 2.0, "not measured on the bench, a choice",
+              *(f"contact.{zone}.damping" for zone in zones)),
+        ratio("foam depth of full damping", CONTACT, 2.0, "a number of the law rather than of the foam, a choice",
+              *(f"contact.{zone}.full_damping_depth" for zone in zones)),
+        ratio("static friction", FRICTION, 1.25, "0.4 to 0.6 about the paper's 0.5: floors and soles differ",
+              "friction.mu_static"),
+        ratio("kinetic friction", FRICTION, 1.25, "0.24 to 0.38 about the paper's 0.3", "friction.mu_kinetic"),
+        ratio("friction threshold velocity", FRICTION, 2.0, "a number of the law rather than of the sole, a choice",
+              "friction.threshold_velocity"),
+        shift("prosthesis height", GEOMETRY, "mm", 2.0, "length of limb, socket and pylon with a tape",
+              "offset.height"),
+        shift("prosthesis fore-aft", GEOMETRY, "mm", 5.0, "where the foot is bolted on, by eye", "offset.fore_aft"),
+        shift("prosthesis alignment", GEOMETRY, "deg", 1.0, "a prosthetist's angle, by eye", "offset.alignment"),
+        *(shift(f"{words[zone]} sole height", GEOMETRY, "mm", 1.0, "the sole is drawn flat; soles are round",
+                f"contact.{zone}.rise") for zone in zones),
+        *(shift(name.replace("_angle", "_flexion").replace("_", " "), KINEMATICS, "deg", 1.2,
+                "misplaced markers: the standard deviation of the embedded synthetic laboratory's constant errors",
+                f"coordinate.{name}_{leg}")
+          for name in LIMB_ANGLES),
+        *(shift(name, KINEMATICS, "mm", most, "errors between cameras, plates and markers, a choice",
+                f"coordinate.{coordinate}") for name, coordinate, most in (
+            ("pelvis height", "pelvis_ty", 1.0), ("pelvis fore-aft", "pelvis_tx", 2.0),
+            ("pelvis sideways", "pelvis_tz", 2.0))),
+        *(ratio(f"{name} socket stiffness", BUSHING, 1.5, "measured sockets fix it within a factor of two",
+                f"socket.{axis}.stiffness") for axis, name in (
+            ("tx", "fore-aft"), ("ty", "sideways"), ("tz", "axial"), ("flexion", "flexion"),
+            ("adduction", "adduction"), ("rotation", "rotation"))),
+        ratio("keel modulus", KEEL, 1.1, "data sheets of G10/FR4 differ by 20 %", "keel.flexural_modulus"),
+        ratio("fulcrum stiffness", KEEL, 1.5, "calibrated to two published end points", "fulcrum.stiffness"),
+        shift("fulcrum position", KEEL, "mm", 1e3 * FULCRUM_M, "the support has a width and its drive some play; "
+              "inward only where it stands at an end of its reach", "fulcrum.shift")]
+    return tuple(factor for factor in found if factor.variables and all(name in variables for name in factor.variables))
+
+
+def values_at(
+    factors: Sequence[Factor], shares: np.ndarray, variables: Mapping[str, Variable],
+    limits: Mapping[str, tuple[float, float]] | None = None
+) -> dict[str, float]:
+    """Values of the walker's variables where the factors stand at these shares (k,) of their ranges, 0 to 1.
+
+    `limits` are the lowest and highest shift (SI) by variable, where not all of a factor's range is possible.
+    """
+    values = {name: variables[name].default for factor in factors for name in factor.variables}
+    for factor, share in zip(factors, shares, strict=True):
+        change = factor.value(float(share), (limits or {}).get(factor.variables[0], (-math.inf, math.inf)))
+        for name in factor.variables:
+            if factor.kind == RATIO:
+                values[name] *= change
+            elif factor.kind == SHIFT:
+                values[name] += change
+            else:
+                before, after = variables[name].default, max(variables[name].default + change, 1.0)
+                stiffness = name.replace(".exponent", ".stiffness")
+                values[name] = after
+                values[stiffness] = values.get(stiffness, variables[stiffness].default) * REFERENCE_DEPTH_M ** (
+                    before - after)
+    return values
+
+
+# Morris screening and Sobol indices of any function of shares of the factors' ranges, through SALib.
+#
+# A design is points (rows, k) in the unit cube; what it gives is values (rows, outputs), NaN where there is none.
+# Morris' trajectories and Saltelli's blocks are whole or dropped: each is a sample of its own, so that dropping one
+# removes information but shifts no other. Dropping is not blind to the cause: where values are missing because the
+# extreme points fail, the rest says less about those. The counts are therefore part of what comes out.
+#
+# Morris 1991 (doi 10.1080/00401706.1991.10484804), mu* of Campolongo 2007 (doi 10.1016/j.envsoft.2006.10.004); Sobol
+# indices by the estimators of Saltelli 2010 (doi 10.1016/j.cpc.2009.09.018); SALib (doi 10.21105/joss.00097).
+
+LEVELS = 4
+"""Of Morris' grid; a trajectory then steps over two thirds of each range."""
+RESAMPLES = 1000
+LEAST_TRAJECTORIES, LEAST_BLOCKS = 4, 16
+"""Below this many whole samples there is no result."""
+_FLAT = 1e-9
+"""An output that varies by less than this share of its size does not vary."""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Points at which a function is wanted."""
+
+    points: np.ndarray  # (rows, k) in the unit cube
+    block: int  # rows of one trajectory or of one of Saltelli's blocks
+    labels: tuple[str, ...]  # what indices are of: the factors, or their groups in the order of first appearance
+    problem: dict[str, Any]  # the same for SALib
+
+    def whole(self, y: np.ndarray) -> np.ndarray:
+        """(rows,) whether the row belongs to a block all of whose values y (rows,) are finite."""
+        return np.repeat(np.isfinite(y.reshape(-1, self.block)).all(axis=1), self.block)
+
+
+def _problem(names: Sequence[str], groups: Sequence[str] | None = None) -> dict[str, Any]:
+    return {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names),
+            "groups": None if groups is None else list(groups)}
+
+
+def morris_design(names: Sequence[str], trajectories: int, seed: int) -> Design:
+    """Trajectories that move every factor once; k + 1 points each."""
+    from SALib.sample import morris  # noqa: PLC0415 (it takes half a second to import)
+
+    problem = _problem(names)
+    return Design(morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)), len(names) + 1,
+                  tuple(names), problem)
+
+
+def sobol_design(names: Sequence[str], samples: int, seed: int, *, groups: Sequence[str] | None = None) -> Design:
+    """`samples` (a power of two) of Saltelli's blocks of k + 2 points, groups + 2 where indices are of the factors'
+    groups, on a scrambled Sobol sequence."""
+    from SALib.sample import sobol  # noqa: PLC0415
+
+    problem, labels = _problem(names, groups), tuple(dict.fromkeys(groups or names))
+    return Design(sobol.sample(problem, samples, calc_second_order=False, seed=_seed(seed)), len(labels) + 2, labels,
+                  problem)
+
+
+def morris_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
+    """Elementary effects of one output y (rows,) over the whole of each range, by factor: name, mu, mu_star,
+    mu_star_conf (half of the 95 % bootstrap interval), sigma, all in y's unit. None of too few whole trajectories."""
+    from SALib.analyze import morris  # noqa: PLC0415
+
+    kept = design.whole(y)
+    if np.count_nonzero(kept) < LEAST_TRAJECTORIES * design.block:
+        return None
+    found = morris.analyze(design.problem, design.points[kept], y[kept], num_resamples=RESAMPLES, num_levels=LEVELS,
+                           seed=_seed(seed))
+    return [{"name": name} | {key: float(found[key][i]) for key in ("mu", "mu_star", "mu_star_conf", "sigma")}
+            for i, name in enumerate(design.labels)]
+
+
+def sobol_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
+    """Shares of the variance of one output y (rows,), by factor or group: name, s1, s1_conf, st, st_conf (first-order
+    and total index, half of the 95 % bootstrap intervals), s1_wide and st_wide (whether the interval is wider than the
+    index). None of too few whole blocks or of a constant output."""
+    from SALib.analyze import sobol  # noqa: PLC0415
+
+    kept = design.whole(y)
+    if np.count_nonzero(kept) < LEAST_BLOCKS * design.block or np.ptp(y[kept]) <= _FLAT * np.abs(y[kept]).max():
+        return None
+    found = sobol.analyze(design.problem, y[kept], calc_second_order=False, num_resamples=RESAMPLES, seed=_seed(seed))
+    rows = []
+    for i, name in enumerate(design.labels):
+        row = {key: float(found[theirs][i]) for key, theirs in (
+            ("s1", "S1"), ("s1_conf", "S1_conf"), ("st", "ST"), ("st_conf", "ST_conf"))}
+        rows.append({"name": name, **row, **{f"{index}_wide": 2.0 * row[f"{index}_conf"] > row[index]
+                                             for index in ("s1", "st")}})
+    return rows
+
+
+def dropped(design: Design, y: np.ndarray) -> int:
+    """How many blocks were dropped."""
+    return int(np.count_nonzero(~design.whole(y))) // design.block
+
+
+def ranked(rows: Sequence[Mapping[str, Any]] | None, key: str) -> list[str]:
+    """Names by falling value of `key`."""
+    return [row["name"] for row in sorted(rows or (), key=lambda row: -row[key])]
+
+
+def _seed(seed: int) -> int:
+    """SALib takes a seed of 0 for none."""
+    return seed + 1
