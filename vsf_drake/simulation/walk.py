@@ -458,7 +458,7 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
         model.foot.series_stiffness_n_per_m, model.foot.series_exponent)
     walk_k, bench_k = (secant_stiffness(*law, FOAM_LOADS_N[1]) for law in (foam or bench, bench))
     return [*step_notes(walk.record), *say(
-        "walk", "notes", peak_bw=0.0 if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1] else peak,
+        "walk", "notes", peak_bw=None if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1] else peak,
         deep=_too_deep(walk, model), start_n=vertical[0] if vertical[0] > LOADED_N else 0.0,
         spheres=walk_k if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT else 0.0, foam=bench_k,
         rest_speed=walk.rest_speed if walk.rest_speed > AT_REST else 0.0)]

@@ -43,7 +43,7 @@ def check_tuning_table(table: Mapping[str, Any]) -> None:
 def check_name(name: str, known: Sequence[str], where: str) -> str:
     """Returns a name that is one of those known, or raises InputError with the one that is meant."""
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
+        near = difflib.get_close_matches(str(name), known, n=1)
         raise InputError(f"there is no {name!r}", where=where,
                          right=f"Did you mean {near[0]}?" if near else f"There are: {', '.join(known)}")
     return name
@@ -115,8 +115,11 @@ class CommonOptions:
             _check_pair(f"design_bounds[{check_name(name, known, 'design_bounds')!r}]", pair)
         if self.bounds_mm is not None:
             _check_pair("bounds_mm", self.bounds_mm)
-        for name in self.weights:
+        for name, weight in self.weights.items():
             check_name(name, COSTS, "weights")
+            if not _is_number(weight):
+                raise InputError(f"{weight!r} is no weight", where=f"weights[{name!r}]",
+                                 right="It must be a number from 0 on")
         if not sum(self.weights.values()) > 0.0:
             raise InputError("are all zero", where="weights", right="One of them must be above 0")
 
@@ -126,9 +129,12 @@ class CommonOptions:
         return tuple(name for name, weight in self.weights.items() if weight > 0.0)
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
 def _check_pair(where: str, pair: Any) -> None:
-    if not isinstance(pair, (tuple, list)) or len(pair) != 2 or not all(
-            isinstance(value, (int, float)) and math.isfinite(value) for value in pair):
+    if not isinstance(pair, (tuple, list)) or len(pair) != 2 or not all(map(_is_number, pair)):
         raise InputError(f"{pair!r} is no pair of numbers", where=where, right="Give (low, high)")
     if not pair[0] < pair[1]:
         raise InputError(f"its lower bound {pair[0]:g} is not below its upper one {pair[1]:g}", where=where,
