@@ -181,8 +181,9 @@ def test_a_motion_that_does_not_repeat_itself_is_refused():
 
 def test_ends_of_a_stride_that_differ_are_refused():
     t = np.arange(0.0, 1.8, 0.01)
-    with pytest.raises(InputError, match=r"its two ends, 1\.200 s apart \(what was asked for\), differ by 27\.5° RMS"):
-        find_period(t, 0.4 * t[:, None], (), {}, {}, stated_s=1.2)
+    strikes = {"P": [Stance(0.1, 0.8), Stance(1.3, 1.7, True, False)]}
+    with pytest.raises(InputError, match=r"its two ends, 1\.200 s apart \(2 strikes .*\), differ by 27\.5° RMS"):
+        find_period(t, 0.4 * t[:, None], (), strikes, {})
 
 
 def stepping_plate(period, advance, time, start=0.0, length=0.7):

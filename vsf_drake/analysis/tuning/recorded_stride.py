@@ -70,19 +70,16 @@ class RecordedStride:
         return self.forces[foot].sample(times)
 
 
-def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: float | None = None,
-                    follow_forces: bool | None = None) -> RecordedStride:
+def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStride:
     """The periodic stride around a trial's first whole prosthetic stance; strides differ by millimetres of height.
+
+    The closed motion's accelerations follow the plates where these know both feet's forces over the whole stride, else
+    the recorded motion. InputError: the recording holds no whole stride, no strike of the prosthetic foot, or does not
+    travel.
 
     Args:
         trial: with its fitted contact applied (`motion.fitted_trial.trial_with`), if it has one.
         walker: of the trial's person and model; made if None. Its Context is not changed.
-        period_s: instead of the one that the recording tells.
-        follow_forces: whether the closed motion's accelerations follow the plates rather than the recorded motion;
-            None: where the plates know both feet's forces over the whole stride.
-
-    Raises:
-        InputError: the recording holds no whole stride, no strike of the prosthetic foot, or does not travel.
     """
     motion, file, mass = trial.trajectory, trial.path, trial.subject.mass_kg
     names, (rows, points, chain) = sagittal_coordinates(trial.subject.prosthetic_side), _shown(trial, walker)
@@ -95,7 +92,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
     T, method = find_period(
         time, motion.sample(time)[0][:, angles],
         [periodic.plate_series(plate, whole_way, unknown[s]) for s, plate in plates.items()], loaded, moved,
-        stated_s=period_s, file=file)
+        file=file)
     first = _first_strike(loaded["P"], (trial.start_s, trial.end_s), file=file)
     start = first.start_s
     prosthetic, how_p = _within_stride([first] if first.complete else loaded["P"], moved["P"], start, T)
@@ -123,10 +120,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None, *, period_s: flo
                                              advance_m=advance, unknown=unknown[s]) for s, plate in plates.items()}
 
     forced = periodic.forced_acceleration(forces_with(advance), mass)
-    if follow_forces and forced is None:
-        raise InputError("the plates do not know both feet's forces over the whole stride", file=file, where="forces",
-                         right="Without follow_forces the motion's own accelerations serve")
-    wish = path if forced is None or follow_forces is False else forced
+    wish = path if forced is None else forced
     curves = periodic.fit_periodic(t, projected, weights, period_s=T, advance=advance * np.eye(8)[TX])
     curves, shift, closed = periodic.close(misfit, curves, t, weights, wish, shift)
     advance = float(curves.advance[TX])
@@ -371,7 +365,7 @@ LARGEST_CLOSING = np.radians(8.0)
 
 def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[np.ndarray, np.ndarray]],
                 loaded: Mapping[str, Sequence[Stance]], moved: Mapping[str, Sequence[Stance]], *,
-                stated_s: float | None = None, file: object = None) -> tuple[float, str]:
+                file: object = None) -> tuple[float, str]:
     """The stride of a recording in seconds, and in words by what.
 
     Two strikes or two lift-offs of one foot on the plates tell it; else two of them in the motion, sharpened by
@@ -382,7 +376,7 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
     Args:
         time_s: (n,) s. motion: (n, m) joint angles, rad.
         forces: times (j,) s and forces (j, 2) N of each foot; NaN where a force is not known.
-        loaded: stances on the plates by FEET. moved: the same by the feet's motion. stated_s: a stride that is known.
+        loaded: stances on the plates by FEET. moved: the same by the feet's motion.
     """
     alike = _Alike(time_s, motion, forces)
 
@@ -395,11 +389,6 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
         return seconds, method
 
     record = float(time_s[-1] - time_s[0])
-    if stated_s is not None:
-        if not STRIDES_S[0] <= stated_s <= min(STRIDES_S[1], record):
-            raise InputError(f"{stated_s:g} s is no stride of a motion of {record:.2f} s", where="period_s",
-                             right=f"It must be from {STRIDES_S[0]:g} to {STRIDES_S[1]:g} s")
-        return period(stated_s, "what was asked for")
     lengths = [s.duration_s for stances in (*loaded.values(), *moved.values()) for s in stances if s.complete]
     low, high = STRIDES_S
     if lengths:
