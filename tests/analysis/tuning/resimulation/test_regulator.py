@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from vsf_drake.analysis.tuning.resimulation.resimulate import RegulatorWeights, multiplier, regulator
-from vsf_drake.errors import FitError, InputError
+from vsf_drake.analysis.tuning.resimulation.resimulate import multiplier, regulator
+from vsf_drake.errors import FitError
 
 
 def repeated(matrix, count):
@@ -87,9 +87,3 @@ def test_multiplier_is_of_the_steps_in_their_order():
     first, then = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0, 0.0], [3.0, 0.0]])
     assert multiplier(np.stack([first, then])) == pytest.approx(3.0)
     assert multiplier(np.stack([first, first])) == 0.0
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), True, "5"])
-def test_weights_are_positive_numbers(value):
-    with pytest.raises(InputError, match="joint_deg"):
-        RegulatorWeights(joint_deg=value)

@@ -128,8 +128,6 @@ def test_design_of_the_device_reaches_springs_and_contact():
     heel = {name for name in values if name.startswith("contact")}
     assert heel and all(name.startswith("contact.heel") and name.endswith("stiffness") for name in heel)
     assert design_values(walker) == {}
-    with pytest.raises(InputError, match="keel_thickness"):
-        design_values(walker, keel_thickness=0.0)
 
 
 def test_offsets_reach_the_walk(solution, resimulation):

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from made_sagittal import periodic_motion, sagittal
 
 from vsf_drake.analysis.tuning.resimulation.trajectory import SagittalTrajectory, SolutionMotion, whole_motion
-from vsf_drake.errors import InputError
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 
 
@@ -77,28 +74,6 @@ def test_torques_between_instants_follow_a_smooth_curve_to_fourth_order():
         return np.abs(loads[:, 3:] - np.sin(2 * np.pi * np.linspace(-1.0, 2.0, 301))[:, None]).max()
 
     assert error(20) / error(40) == pytest.approx(16.0, rel=0.2)
-
-
-@pytest.mark.parametrize(("changes", "message"), [
-    ({"q": np.zeros((4, 7))}, "q: has the shape"),
-    ({"torque": np.full((4, 5), np.nan)}, "torque: has a number that is not finite"),
-    ({"time_s": np.array([0.0, 0.5, 0.5, 1.0])}, "increasing"),
-    ({"names": ("hip_flexion_r",) * 8}, "eight different coordinates"),
-    ({"period_s": 1.0}, "Give both"),
-    ({"period_s": 1.2, "advance": np.zeros(8)}, "the period is 1.2 s"),
-    ({"period_s": 1.0, "advance": np.zeros(8)}, "misses its start"),
-    ({"grf": {"left": np.zeros((4, 2))}}, "prosthetic and intact"),
-])
-def test_arrays_that_do_not_fit_are_named(changes, message):
-    time = np.linspace(0.0, 1.0, 4)
-    with pytest.raises(InputError, match=message):
-        trajectory(time, quintic(time), **changes)
-
-
-def test_period_closes_as_told():
-    solution = periodic_motion(40)
-    with pytest.raises(InputError, match="pelvis_tx misses its start"):
-        dataclasses.replace(solution, advance=0.9 * solution.advance)
 
 
 def test_torques_that_alternate_are_told_from_smooth_ones():

@@ -9,7 +9,7 @@ import pytest
 from made_sagittal import embedded_walker, loaded_motion
 
 from vsf_drake.analysis.tuning.resimulation.resimulate import drive, resimulate_with_feedback, walk_prescribed
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.errors import SimulationError
 from vsf_drake.simulation.reactions import foot_reaction
 
 
@@ -137,11 +137,3 @@ def test_single_stance_runs_once_and_has_no_multiplier(solution):
     assert not found.fell
     assert found.feedback.multiplier is None
     assert found.difference("prosthetic").resultant < 2.0
-
-
-@pytest.mark.parametrize(("options", "message"), [
-    ({"strides": 0}, "strides"), ({"strides": 1.5}, "strides"), ({"push": np.zeros(3)}, "push"),
-    ({"push": np.full(8, np.nan)}, "push")])
-def test_options_out_of_range_are_named(solution, options, message):
-    with pytest.raises(InputError, match=message):
-        resimulate_with_feedback(embedded_walker(), solution, **options)

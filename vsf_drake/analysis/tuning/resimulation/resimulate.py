@@ -26,7 +26,6 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.schema import check, quantity
 from vsf_drake.sentences import say
 from vsf_drake.simulation.reactions import foot_reaction
 from vsf_drake.simulation.results import coordinate_unit
@@ -51,7 +50,6 @@ LEAD = 0.3
 TAIL_S = 0.06  # walked after a period, so that the low-pass ends beyond it
 FALLEN_TILT, FALLEN_M = math.radians(30.0), 0.15
 """Pelvis tilt, and its height below the solution's, at which a person is falling and no longer walking (choices)."""
-MOST_STRIDES = 100
 
 
 @dataclass(frozen=True)
@@ -257,8 +255,8 @@ def walk_prescribed(walker: Walker, trajectory: SagittalTrajectory, *, step_s: f
 
 
 def resimulate_with_feedback(
-    walker: Walker, trajectory: SagittalTrajectory, *, strides: int = 2, weights: RegulatorWeights | None = None,
-    feedback: bool = True, hand: bool = False, push: np.ndarray | None = None, step_s: float = DEFAULT_STEP_S
+    walker: Walker, trajectory: SagittalTrajectory, *, strides: int = 2, feedback: bool = True, hand: bool = False,
+    push: np.ndarray | None = None, step_s: float = DEFAULT_STEP_S
 ) -> Resimulation:
     """Drives the five joints with the solution's torques and a feedback of the eight coordinates and their rates.
 
@@ -274,16 +272,11 @@ def resimulate_with_feedback(
         push: (8,) rad/s, m/s, by which the velocities at the start are off, to see whether the feedback copes.
 
     Raises:
-        InputError: the trajectory is of another person's coordinates; a number is out of range.
+        InputError: the trajectory is of another person's coordinates.
         SimulationError: the model cannot follow the motion even where it is prescribed.
         FitError: no feedback stabilises the linearised stride.
     """
-    if isinstance(strides, bool) or not isinstance(strides, int) or not 1 <= strides <= MOST_STRIDES:
-        raise InputError(f"{strides!r} is not usable", where="strides",
-                         right=f"It must be a whole number from 1 to {MOST_STRIDES}")
-    if push is not None and (np.shape(push) != (COORDINATES,) or not np.isfinite(np.asarray(push, dtype=float)).all()):
-        raise InputError(f"is {push!r}", where="push", right="Give eight finite velocities (rad/s, m/s)")
-    weights, strides, period = weights or RegulatorWeights(), strides if trajectory.periodic else 1, trajectory.period_s
+    strides, period = strides if trajectory.periodic else 1, trajectory.period_s
     walk = walk_prescribed(walker, trajectory, step_s=step_s)
     record, h = walk.record, walk.step_s
     times = np.concatenate([[record.time_s[0] - h], record.time_s])
@@ -294,8 +287,8 @@ def resimulate_with_feedback(
     gains = np.zeros((last - first, COORDINATES, 2 * COORDINATES))  # N m or N per rad, m, rad/s, m/s
     if feedback:
         acting, Q = np.arange(0 if hand else len(PELVIS), COORDINATES), np.zeros((steps.A.shape[1],) * 2)
-        Q[steps.person, steps.person] = h / weights.state**2
-        K, _ = regulator(steps.A, steps.B[:, :, acting], Q, np.diag(h / weights.force[acting] ** 2),
+        Q[steps.person, steps.person] = h / STATE**2
+        K, _ = regulator(steps.A, steps.B[:, :, acting], Q, np.diag(h / FORCE[acting] ** 2),
                          periodic=trajectory.periodic)
         gains[:, acting] = K @ steps.whole
     turns, k = np.divmod(np.arange(strides * len(gains) + (int(np.ceil(TAIL_S / h)) if period else 0)), len(gains))
@@ -406,42 +399,13 @@ def drive(
 MOST_PERIODS = 50
 REPEATS_WITHIN = 1e-6
 """Relative change of the cost-to-go from one period to the next at which the gains count as periodic."""
-_LEAST, _SOURCE = 1e-9, "choice"
-
-
-@dataclass(frozen=True, kw_only=True)
-class RegulatorWeights:
-    """Deviations and torques that weigh alike (Bryson's rule: each is divided by its largest acceptable value).
-
-    They are choices. With a torque of 20 N m a stride of the embedded subject recovers from a push of 0.2 m/s; with
-    40 N m it follows a tracked stride more closely (1.9 against 2.9 % of body weight), but does not recover from 0.1.
-    """
-
-    tilt_deg: float = quantity(5.0, unit="deg", low=_LEAST, source=_SOURCE)  # of the pelvis, as the next two
-    forward_m: float = quantity(0.1, unit="m", low=_LEAST, source=_SOURCE)
-    up_m: float = quantity(0.05, unit="m", low=_LEAST, source=_SOURCE)
-    joint_deg: float = quantity(10.0, unit="deg", low=_LEAST, source=_SOURCE)  # of each of the five
-    tilt_deg_per_s: float = quantity(60.0, unit="deg/s", low=_LEAST, source=_SOURCE)
-    pelvis_m_per_s: float = quantity(0.3, unit="m/s", low=_LEAST, source=_SOURCE)
-    joint_deg_per_s: float = quantity(200.0, unit="deg/s", low=_LEAST, source=_SOURCE)
-    torque_nm: float = quantity(20.0, unit="N m", low=_LEAST, source=_SOURCE)  # of the feedback in each joint
-    hand_n: float = quantity(20.0, unit="N", low=_LEAST, source=_SOURCE)  # of a hand at the pelvis, if any
-    hand_nm: float = quantity(10.0, unit="N m", low=_LEAST, source=_SOURCE)
-
-    def __post_init__(self) -> None:
-        check(self)
-
-    @property
-    def state(self) -> np.ndarray:
-        """(16,) acceptable deviations of positions, then velocities, in the order of the sagittal coordinates."""
-        q = [math.radians(self.tilt_deg), self.forward_m, self.up_m, *[math.radians(self.joint_deg)] * 5]
-        v = [math.radians(self.tilt_deg_per_s), *[self.pelvis_m_per_s] * 2, *[math.radians(self.joint_deg_per_s)] * 5]
-        return np.array([*q, *v])
-
-    @property
-    def force(self) -> np.ndarray:
-        """(8,) of what acts on the coordinates, a hand's first."""
-        return np.array([self.hand_nm, self.hand_n, self.hand_n, *[self.torque_nm] * 5])
+STATE = np.array([
+    math.radians(5.0), 0.1, 0.05, *[math.radians(10.0)] * 5, math.radians(60.0), 0.3, 0.3, *[math.radians(200.0)] * 5])
+FORCE = np.array([10.0, 20.0, 20.0, *[20.0] * 5])
+"""Deviations (rad, m, then rad/s, m/s) and loads (of a hand at the pelvis, then of the five joints; N m, N) that weigh
+alike, in the order of the sagittal coordinates (Bryson's rule: each is divided by its largest acceptable value). They
+are choices. With a torque of 20 N m a stride of the embedded subject recovers from a push of 0.2 m/s; with 40 N m it
+follows a tracked stride more closely (1.9 against 2.9 % of body weight), but does not recover from 0.1."""
 
 
 def regulator(

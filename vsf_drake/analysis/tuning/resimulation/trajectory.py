@@ -11,7 +11,6 @@ from scipy.interpolate import BPoly, CubicSpline
 
 from vsf_drake.analysis.tuning.level1.options import device_values
 from vsf_drake.collocation.solution import TrajectorySolution
-from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.sagittal.model import DESIGN
@@ -19,8 +18,7 @@ from vsf_drake.simulation.walk import Walker
 
 PELVIS = ("pelvis_tilt", "pelvis_tx", "pelvis_ty")
 FEET = ("prosthetic", "intact")
-COORDINATES, TORQUES = 8, 5
-PERIODIC_WITHIN = 1e-4  # rad, m, rad/s, m/s: what a periodic trajectory may miss its own start by after one period
+COORDINATES = 8
 TRANSIENT_S = 0.03  # after the start of a motion without a period, which is not compared (a choice)
 SAMPLE_S, BEYOND_S = 1e-3, 0.01
 """Between the samples of the motion that a walk is given, the walk's usual step; and by how much they reach over the
@@ -29,11 +27,7 @@ ends of a walk: a spline's ends are less exact."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SagittalTrajectory:
-    """Motion, torques and ground reaction of a sagittal solution at n instants; SI, radians, signs of the plant.
-
-    InputError: an array has another shape or a number that is not finite; time does not increase; a periodic trajectory
-    does not close.
-    """
+    """Motion, torques and ground reaction of a sagittal solution at n instants; SI, radians, signs of the plant."""
 
     time_s: np.ndarray  # (n,), n >= 3, increasing; of a periodic one from the start of the period to its end
     names: tuple[str, ...]  # of the coordinates (`simulation.sagittal.model.sagittal_coordinates`)
@@ -48,36 +42,6 @@ class SagittalTrajectory:
     values: Mapping[str, float] = field(default_factory=dict)  # of the walk's variables, see `design_values`
     offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009 (frozen: one default can serve all)
     pelvis_load: np.ndarray | None = None  # (n, 3) on the first three: a recording's residual, an aid; None in walking
-
-    def __post_init__(self) -> None:
-        n = len(self.time_s)
-        motion = dict.fromkeys(("q", "v", "a"), (n, COORDINATES))
-        for name, shape in (motion | {"time_s": (n,), "torque": (n, TORQUES), "pelvis_load": (n, len(PELVIS)),
-                                      "advance": (COORDINATES,)}).items():
-            if getattr(self, name) is not None:
-                _check_array(getattr(self, name), shape, name)
-        if n < 3 or not (np.diff(self.time_s) > 0.0).all():
-            raise InputError("must hold three or more increasing instants", where="time_s")
-        if len(set(self.names)) != COORDINATES or tuple(self.names[:3]) != PELVIS:
-            raise InputError(f"are {', '.join(self.names)}", where="names",
-                             right=f"Give eight different coordinates, first {', '.join(PELVIS)}")
-        if set(self.grf) != set(FEET):
-            raise InputError(f"is of {', '.join(self.grf)}", where="grf", right=f"It must be of {' and '.join(FEET)}")
-        for foot in FEET:
-            _check_array(self.grf[foot], (n, 2), f"grf[{foot!r}]")
-        if (self.period_s is None) != (self.advance is None):
-            raise InputError("only one of them is given", where="period_s, advance",
-                             right="Give both for a periodic trajectory, none for another")
-        if self.period_s is None:
-            return
-        if abs(self.end_s - self.start_s - self.period_s) > 1e-6:
-            raise InputError(f"the instants span {self.end_s - self.start_s:g} s, the period is {self.period_s:g} s",
-                             where="time_s", right="Give the period's start and its end")
-        for name, gap in (("q", self.q[-1] - self.q[0] - self.advance), ("v", self.v[-1] - self.v[0])):
-            worst = int(np.argmax(np.abs(gap)))
-            if abs(gap[worst]) > PERIODIC_WITHIN:
-                raise InputError(f"{self.names[worst]} misses its start by {gap[worst]:.2g} after a period",
-                                 where=name, right="Give a trajectory that closes, or none as periodic")
 
     @property
     def periodic(self) -> bool:
@@ -104,13 +68,6 @@ class SagittalTrajectory:
         change = 0.25 * (2.0 * torque[1:-1] - torque[:-2] - torque[2:])
         size = float(np.sqrt(np.mean(torque**2)))
         return float(np.sqrt(np.mean(change**2))) / size if size else 0.0
-
-
-def _check_array(values: np.ndarray, shape: tuple[int, ...], where: str) -> None:
-    if np.shape(values) != shape:
-        raise InputError(f"has the shape {np.shape(values)}", where=where, right=f"It must be {shape}")
-    if not np.isfinite(np.asarray(values, dtype=float)).all():
-        raise InputError("has a number that is not finite", where=where)
 
 
 class SolutionMotion:
@@ -169,15 +126,10 @@ def design_values(
         heel_stiffness: of the heel's zones over the walker's.
         alignment_rad: turn of the foot, toes up, beyond the offsets.
         keel_thickness: over the walker's; see `level1.options.device_values`.
-
-    Raises:
-        InputError: a ratio is not above zero.
     """
     values: dict[str, float] = {}
     for name, x, own in (("heel_stiffness", heel_stiffness, 1.0), ("alignment", alignment_rad, 0.0),
                          ("keel_thickness", keel_thickness, 1.0)):
-        if own and not x > 0.0:
-            raise InputError(f"{x!r} is not usable", where=name, right="It must be above 0")
         if x != own:
             values |= {changed: value for changed, (value, _) in device_values(name, x, walker.variables, {}).items()}
     return values
@@ -187,17 +139,13 @@ def solved_trajectory(
     solution: TrajectorySolution, walker: Walker, *, values: Mapping[str, float] | None = None,
     offsets: GeometricOffsets | None = None
 ) -> SagittalTrajectory:
-    """Motion, torques and ground reaction of a solution, with its fulcrum and its device.
+    """Motion, torques and ground reaction of a solution, with its fulcrum and its device; FitError where it is none.
 
     Args:
         solution: of a problem whose function has the outputs torque_COORDINATE and FOOT_fx, FOOT_fz of
             `SagittalModel`, and the parameters `DESIGN`.
         walker: whose device the design multiplies.
         values, offsets: of the walk, as the sagittal model was made with them.
-
-    Raises:
-        FitError: the solution is none; see `TrajectorySolution.unsealed`.
-        InputError: it misses an output, or does not close.
     """
     problem, y = solution.problem, solution.y()
     layout, grid, names = problem.layout, problem.grid, list(problem.function.names)
