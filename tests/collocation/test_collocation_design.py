@@ -18,7 +18,7 @@ def test_a_free_mass_returns_without_force_on_the_spring_that_is_in_resonance():
     problem, start, stiffness = free_spring_mass()
     solution = solve(problem, start)
     assert solution.p[0] == pytest.approx(stiffness, rel=1e-3)
-    assert solution.of("q", "x") == pytest.approx(0.1 * np.cos(5.0 * problem.grid.times_s), abs=1e-4)
+    assert solution.z[:, 0] == pytest.approx(0.1 * np.cos(5.0 * problem.grid.times_s), abs=1e-4)
     assert solution.cost == pytest.approx(0.0, abs=1e-8)
 
 
@@ -42,7 +42,7 @@ def test_limited_acceleration_costs_what_pontryagin_says(most, as_limit):
     problem, cost = rest_to_rest(most, as_limit=as_limit)
     solution = solve(problem, Start(np.zeros((problem.grid.instants, 3))))
     assert solution.cost == pytest.approx(cost, rel=1e-3)
-    assert np.abs(solution.of("a", "x")).max() <= most * (1.0 + 1e-7)
+    assert np.abs(solution.z[:, problem.layout.a]).max() <= most * (1.0 + 1e-7)
 
 
 def test_without_a_limit_the_shortest_effort_is_a_cubic_and_exact():

@@ -68,11 +68,8 @@ def test_rates_of_quasi_static_variables_are_of_second_order(grid):
 def test_columns_go_by_kind_and_name():
     assert LAYOUT.names == ("q.x", "q.y", "v.x", "v.y", "a.x", "a.y", "w.w", "u.w", "s.s")
     assert LAYOUT.size == len(LAYOUT.names)
-    assert LAYOUT.column("a", "y") == 5
     assert [LAYOUT.names[part] for part in (LAYOUT.q, LAYOUT.v, LAYOUT.a, LAYOUT.w, LAYOUT.u, LAYOUT.s)] == [
         ("q.x", "q.y"), ("v.x", "v.y"), ("a.x", "a.y"), ("w.w",), ("u.w",), ("s.s",)]
-    with pytest.raises(InputError, match=r"no q\.z"):
-        LAYOUT.column("q", "z")
     with pytest.raises(InputError, match="twice"):
         Layout(("x", "x"))
 

@@ -14,7 +14,7 @@ def errors_of(make, method, counts):
     for intervals in counts:
         problem, exact, *cost = make(method, intervals)
         solution = solve(problem, Start(np.zeros((problem.grid.instants, 3))), SHARP)
-        error = np.sqrt(np.mean((solution.of("q", "x") - exact)**2))
+        error = np.sqrt(np.mean((solution.z[:, 0] - exact)**2))
         yield error if not cost else (error, abs(solution.cost - cost[0]))
 
 

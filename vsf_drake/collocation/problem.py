@@ -76,12 +76,6 @@ class Layout:
         """(Z,) "kind.name" of every column, e.g. "v.hip"."""
         return tuple(f"{kind}.{name}" for kind, names in self._kinds() for name in names)
 
-    def column(self, kind: str, name: str) -> int:
-        """Column of z of one variable, e.g. column("v", "hip")."""
-        if f"{kind}.{name}" not in self.names:
-            raise InputError(f"there is no {kind}.{name}", where="layout", right=f"There are: {', '.join(self.names)}")
-        return self.names.index(f"{kind}.{name}")
-
 
 @dataclass(frozen=True)
 class Grid:

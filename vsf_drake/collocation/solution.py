@@ -32,14 +32,8 @@ class Iteration:
     cost: float  # of the problem
     violation: float  # largest, scaled
     optimality: float  # first-order residual, scaled; NaN before multipliers are known
-    step: float  # largest change of a scaled variable that led here
-    length: float  # part of the full step that was taken
-    damping: float  # Levenberg's of the next one
-    active: int  # bounds and limits that hold it
-    exact: bool  # whether it knows the outputs' curvature
-    evaluations: int  # so far
-    wall_s: float  # so far
-    p: tuple[float, ...]  # design parameters here
+    active: int  # bounds and limits that hold the next step
+    exact: bool  # whether that knows the outputs' curvature
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +95,6 @@ class TrajectorySolution:
         """(N, m) outputs of the instants, evaluated anew."""
         point = self._read()
         return np.asarray(self.problem.function.evaluate(point.z, point.p))
-
-    def of(self, kind: str, name: str) -> np.ndarray:
-        """(N,) one variable over the instants, e.g. of("q", "hip")."""
-        return self.z[:, self.problem.layout.column(kind, name)]
 
     def _read(self) -> Start:
         if not (self.success or self.is_unsealed):

@@ -84,7 +84,7 @@ class _Search:
         parts = problem.grid.weights / problem.grid.duration_s
         self.share = np.concatenate([np.repeat(parts, self.scaled.shape[1]), np.ones(problem.parameters)])
         self.curve = np.zeros_like(self.share)
-        self.damping, self.moved, self.length, self.optimality = DAMPING, 0.0, 1.0, np.nan
+        self.damping, self.optimality = DAMPING, np.nan
         self.step: Step | None = None
         self.exact, self.resume, self.before = False, 0, DAMPING
 
@@ -184,16 +184,16 @@ class _Search:
         full = self.scaled.linearised(self._moved(step.change))
         if lowers(full, 1.0):
             gained = (before - self._merit(full)) / promised if promised > noise else 1.0
-            return self._take(full, 1.0, 0.2 if gained > 0.75 else (1.0 if gained > 0.25 else 4.0))
+            return self._take(full, 0.2 if gained > 0.75 else (1.0 if gained > 0.25 else 4.0))
         if full.finite:
             better = self._corrected(kkt, step, full)
             if lowers(better, 1.0):
-                return self._take(better, 1.0, 1.0)
+                return self._take(better, 1.0)
         length = 0.5
         while length >= SHORTEST:
             near = self.scaled.point(self._moved(length * step.change))
             if lowers(near, length):
-                return self._take(self.scaled.linearised(near.x), length, 4.0)
+                return self._take(self.scaled.linearised(near.x), 4.0)
             length *= 0.5
         return False
 
@@ -210,10 +210,9 @@ class _Search:
     def _moved(self, change: np.ndarray) -> np.ndarray:
         return np.clip(self.at.x + change, self.scaled.low, self.scaled.high)
 
-    def _take(self, at: Linearised, length: float, factor: float) -> bool:
+    def _take(self, at: Linearised, factor: float) -> bool:
         if not at.finite:
             return False
-        self.moved, self.length = float(np.abs(at.x - self.at.x).max(initial=0.0)), length
         self.at = at
         self.damping = float(np.clip(factor * self.damping, LEAST_DAMPING, MOST_DAMPING))
         return True
@@ -248,12 +247,9 @@ class _Search:
         return at
 
     def _note(self, number: int, broken: float, step: Step) -> None:
-        scaled = self.scaled
         self.history.append(Iteration(
-            number=number, cost=self.at.cost * scaled.problem.cost_scale, violation=broken, optimality=self.optimality,
-            step=self.moved, length=self.length, damping=self.damping, active=len(step.pressed), exact=self.exact,
-            evaluations=scaled.evaluations, wall_s=time.perf_counter() - self.began,
-            p=tuple(scaled.unscaled(self.at.x)[1].tolist())))
+            number=number, cost=self.at.cost * self.scaled.problem.cost_scale, violation=broken,
+            optimality=self.optimality, active=len(step.pressed), exact=self.exact))
         if self.progress is not None:
             self.progress(self.history[-1])
 
