@@ -38,10 +38,11 @@ _lock = threading.Lock()
 
 
 def sources_sha256(package: Path, parts: Iterable[str]) -> str:
-    """Of names and content of all Python files in `parts` (folders and files) of `package`."""
+    """Of names and content of all Python files and templates in `parts` (folders and files) of `package`."""
     found = hashlib.sha256()
     paths = [package / part for part in parts]
-    for file in (file for path in paths for file in ([path] if path.suffix else sorted(path.rglob("*.py")))):
+    for file in (file for path in paths for file in ([path] if path.suffix else sorted(
+            file for kind in ("*.py", "*.j2") for file in path.rglob(kind)))):
         found.update(f"\0{file.relative_to(package).as_posix()}\0".encode() + file.read_bytes())
     return found.hexdigest()
 

@@ -99,17 +99,19 @@ def test_what_does_not_change_the_numbers_does_not_change_the_key(trial):
     assert Planner(("time_s", "grf_W")).task(WalkCase(trial=trial, values=values)).key == expected
 
 
-def test_a_changed_law_changes_the_digest_of_the_sources(tmp_path):
+def test_a_changed_law_or_wording_changes_the_digest_of_the_sources(tmp_path):
     for part in cases.SOURCES:
-        for file in [PACKAGE / part] if part.endswith(".py") else (PACKAGE / part).rglob("*.py"):
+        for file in [PACKAGE / part] if part.endswith(".py") else (PACKAGE / part).rglob("*.[pj][y2]"):
             target = tmp_path / file.relative_to(PACKAGE)
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(file.read_bytes())
     made = sources_sha256(PACKAGE, cases.SOURCES)
     assert sources_sha256(tmp_path, cases.SOURCES) == made == cases.software()["sources_sha256"]
-    law = tmp_path / "laws" / "kelvin_voigt.py"
-    law.write_text(law.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    assert sources_sha256(tmp_path, cases.SOURCES) != made
+    for name in ("laws/kelvin_voigt.py", "simulation/wording/walk.txt.j2"):
+        file, content = tmp_path / name, (PACKAGE / name).read_bytes()
+        file.write_bytes(content + b"\n")
+        assert sources_sha256(tmp_path, cases.SOURCES) != made
+        file.write_bytes(content)
 
 
 IMPORTED = """
@@ -127,7 +129,7 @@ def test_every_source_that_a_walk_imports_is_in_the_digest_or_makes_no_numbers(t
     files = done.stdout.split()
     covered = [PACKAGE / part for part in cases.SOURCES]
     beside = [PACKAGE / name for name in (
-        "__init__.py", "errors.py", "files.py", "yaml_file.py", "text_table.py", "sentences.py",
+        "__init__.py", "errors.py", "files.py", "yaml_file.py", "text_table.py",
         "motion", "bench_curves.py", "contact_file.py")]
     assert len(files) > 30
     for file in map(Path, files):

@@ -175,8 +175,8 @@ def _scaled(value: Any, unit: str) -> str:
 
 PACKAGE = Path(__file__).resolve().parents[2]
 SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "motion/events.py",
-           "ground.py", "model_file.py", "parameters.py", "schema.py")
-"""Parts of the package that the numbers of a walk come from, once its recording is read."""
+           "ground.py", "model_file.py", "parameters.py", "schema.py", "sentences.py")
+"""Parts of the package that the numbers and notes of a walk come from, once its recording is read."""
 
 
 def digest(plain: Any, arrays: Mapping[str, np.ndarray] | None = None) -> str:
