@@ -14,7 +14,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.parameters import ActuatorParameters
 from vsf_drake.schema import dump_yaml, load_yaml
-from vsf_drake.systems.fulcrum import FulcrumActuator
+from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumActuator_
 
 P = ActuatorParameters()
 TURNS = 2 * math.pi / P.screw_lead_m
@@ -247,8 +247,9 @@ def test_an_actuator_that_cannot_be_is_refused(arguments, words):
         FulcrumActuator(**arguments)
 
 
-def test_a_carriage_is_put_within_its_travel_only():
-    actuator = FulcrumActuator()
+@pytest.mark.parametrize("T", [float, AutoDiffXd])
+def test_a_carriage_is_put_within_its_travel_only(T):
+    actuator = FulcrumActuator_[T]()
     context = actuator.CreateDefaultContext()
     actuator.SetPosition(context, 0.07)
     assert actuator.GetOutputPort("fulcrum_position").Eval(context)[0] == 0.07

@@ -338,11 +338,12 @@ def _check_screw(p: ActuatorParameters, carriage_mass: float) -> None:
             "Give rotor_inertia_kg_m2 or screw_inertia_kg_m2 their real, larger values")
 
 
-def _check_travel(rearmost: float, foremost: float, position: float) -> None:
-    require(rearmost < foremost, f"the travel from {rearmost} to {foremost} m has no length", "rearmost",
+def _check_travel(rearmost: Any, foremost: Any, position: Any) -> None:
+    low, high = (end.value() if isinstance(end, AutoDiffXd) else end for end in (rearmost, foremost))
+    require(low < high, f"the travel from {low} to {high} m has no length", "rearmost",
             "rearmost must be less than foremost")
-    require(rearmost <= position <= foremost, f"{position} m is outside the carriage's travel", "initial_position",
-            f"It must be between {rearmost:g} and {foremost:g} m from A")
+    require(low <= position <= high, f"{position} m is outside the carriage's travel", "initial_position",
+            f"It must be between {low:g} and {high:g} m from A")
 
 
 FulcrumActuator = FulcrumActuator_[float]
