@@ -13,9 +13,10 @@ from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.files import resource
 from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.parameters import FootParameters
+from vsf_drake.parameters import FootParameters, FrictionParameters
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot import sole_height
+from vsf_drake.plants.foot_wiring import add_rigid_foot
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 FOOT = FootParameters()
@@ -179,3 +180,12 @@ def test_derivatives_are_numbers_at_rest_at_touch_down_and_in_the_air(contact):
                 value = port.Eval(forces.GetMyContextFromRoot(context))
                 assert np.all(np.isfinite(ExtractValue(value))), port.get_name()
                 assert np.all(np.isfinite(ExtractGradient(value))), port.get_name()
+
+
+def test_a_rigid_foot_is_one_body():
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(MultibodyPlant(0.0))
+    foot = add_foot(plant, plant.world_frame(), FootParameters())
+    plant.Finalize()
+    with pytest.raises(ValueError, match="bodies, but must be on one"):
+        add_rigid_foot(builder, plant, foot.sites, FrictionParameters(), Ground(), name="rigid")

@@ -36,7 +36,9 @@ Quick = Annotated[bool, typer.Option("--quick", help="A coarse sweep, one start,
 Asked = dict[str, Any]  # options as they were given, for the results; those left out are not in it
 Show = Callable[[str, float], None]
 Tuned = tuple[dict[str, Any], dict[str, Any]]  # table and arrays, of a tuning that ended well or not
-_ONLY = {"intervals": 2, "method": 2, "joints": 1, "pareto": 1}  # the level that has an option, where the other has not
+_ONLY = {**dict.fromkeys(("intervals", "method"), (2, ", where the motion is free")),
+         "joints": (1, "; level 2 has all joints of the sagittal plane"), "pareto": (1, "")}
+"""The level that has an option, where the other has not, and why."""
 _OPTION_OF = {"cost": "--cost", "weights": "--weights", "design": "--design", "bounds_mm": "--fulcrum-range",
               "pareto": "--pareto", "intervals": "--intervals", "method": "--method", "joints": "--joints",
               "warm_start": "--warm-start", "seed": "--seed", "trials": "TRIAL.yaml",
@@ -179,9 +181,9 @@ def _asked(cost: str, weights: str | None, level: int, **others: Any) -> Asked:
     if weights is not None and cost != WEIGHTED:
         raise InputError(f"cannot go with --cost {cost}", where="--weights",
                          right=f"Give --cost {WEIGHTED}, or leave it out")
-    for name, own in _ONLY.items():
+    for name, (own, why) in _ONLY.items():
         if others.get(name) is not None and own != level:
-            raise InputError(f"is an option of level {own}", where=f"--{name}",
+            raise InputError(f"is an option of level {own}{why}", where=f"--{name}",
                              right=f"Leave it out, or give --level {own}")
     asked = {"cost": cost, "weights": None if weights is None else _weights(weights), "level": level} | others
     return {name: value for name, value in asked.items() if value is not None}

@@ -161,6 +161,9 @@ def add_rigid_foot(
 
     It is a `FootForces` whose keel has no stiffness, no support and no spheres, so that it exerts nothing there.
     """
+    bodies = {int(index) for index in sites.body_indices}
+    if len(bodies) != 1:
+        raise ValueError(f"the sites are on {len(bodies)} bodies, but must be on one")
     return add_forces(builder, plant, name, FootForces(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(), position_indices=[0, 0],
         velocity_indices=[0, 0], frame_body_index=sites.body_indices[0], keel_starts=np.zeros(1),
