@@ -12,8 +12,8 @@ from typing import Any, Self
 from vsf_drake.errors import InputError, VsfError, interrupted_lately, note_interruption
 
 RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
-ORDER = ("bench", "simulate", "validate", "report", "import", "check", "sweep", "fit", "tune", "schedule", "show", "export",
-         "stand")
+ORDER = ("bench", "simulate", "validate", "report", "import", "check", "sweep", "fit", "tune", "schedule", "show",
+         "export", "stand")
 """Of the commands in --help, as in the README."""
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
