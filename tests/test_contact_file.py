@@ -122,7 +122,8 @@ def put(*keys, value):
     (put("trials", 0, "path", "pelvis_tx", value=[0.0, 0.0, -1.5, 0.0]), ["path.pelvis_tx[2]", "between -1 and 1"]),
     (lambda plain: plain.pop("provenance"), ["provenance: is missing", "cut short"]),
     (put("trials", 0, "path", "pelvis_tx", value=[0.0]), ["trials[0].path.pelvis_tx", "cubic"]),
-    (put("trials", 0, "path", "pelvis_tx", value=[0.0, math.inf, 0.0, 0.0]), ["trials[0].path.pelvis_tx", "inf"]),
+    (put("trials", 0, "path", "pelvis_tx", value=[0.0, math.inf, 0.0, 0.0]),
+     ["line ", "trials[0].path.pelvis_tx[1]: inf"]),
 ])
 def test_what_is_no_contact_is_refused_with_file_and_key(tmp_path, change, words):
     path = tmp_path / "contact.yaml"

@@ -197,7 +197,9 @@ class _Reader:
                 right = f"Did you mean {near[0]}?" if near else f"Known keys are: {_names(schema)}"
                 raise self.fail(key_node, path + key, "unknown key", right)
             values[key] = self.value(value_node, hints[key], path + key)
-            for where, item in _items(values[key], path + key):
+            parts = [part for where, held in _items(values[key], path + key)
+                     for part in (_items(held, where) if isinstance(held, tuple) else [(where, held)])]
+            for where, item in parts:
                 if not dataclasses.is_dataclass(item):
                     _check_scalar(item, fields[key].metadata, self.place(value_node, where), self.file)
         for name, field in fields.items():
