@@ -53,7 +53,7 @@ from vsf_drake.sentences import say
 from vsf_drake.simulation.many import SweepProgress, WalkCase, WalkOutcome, simulate_many
 from vsf_drake.simulation.many.processes import chosen
 from vsf_drake.simulation.variables import Variable
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.simulation.walk import Walk, Walker
 
 MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")
 """The outputs by which the strongest factors are chosen: those that the question is about."""
@@ -85,9 +85,9 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
     show("as the study is" if quick else "exact derivatives", 0.0)
     with chosen(study.options.workers, None, AT_ONCE) as (executor, most):
         walks = DesignWalks(walked, executor=executor, count=max(1, most // 2))
-        factors = sensitivity_factors(walks.variables[0], walked[0].trial.subject.prosthetic_side)
+        factors = sensitivity_factors(walks.trials[0].variables, walked[0].trial.subject.prosthetic_side)
         names, middle = [factor.name for factor in factors], len(walked) // 2
-        baseline, local = walks.baseline(), None if quick else local_changes(walks, factors)
+        baseline, local = walks.baseline(), None if quick else local_changes(walks.trials, factors)
         screen = morris_design(names, QUICK_TRAJECTORIES if quick else TRAJECTORIES, seed)
         total = len(screen.points) * len(walked) + (0 if quick else (
             GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2) + FACTOR_SAMPLES * (STRONGEST + 2)))
@@ -171,33 +171,27 @@ _DIFFERENCE = 1e-4
 """Share of a range over which the values' slopes are taken; they are smooth and known in closed form."""
 
 
-def value_slopes(walks: DesignWalks, factors: Sequence[Factor], trial: int) -> tuple[tuple[str, ...], np.ndarray]:
+def value_slopes(trial: DesignTrial, factors: Sequence[Factor]) -> tuple[tuple[str, ...], np.ndarray]:
     """Names of the variables that the factors change, and (variables, k) d value / d share in the middle of the ranges.
     """
-    def values(shares: np.ndarray) -> dict[str, float]:
-        return values_at(factors, shares, walks.variables[trial], walks.limits[trial])
-
     middle, step = np.full(len(factors), 0.5), 0.5 * _DIFFERENCE * np.eye(len(factors))
-    slopes = [(np.array([*values(middle + one).values()]) - np.array([*values(middle - one).values()])) / _DIFFERENCE
-              for one in step]
-    return tuple(values(middle)), np.column_stack(slopes)
+    ahead, behind = (np.array([[*trial.values(factors, middle + sign * one).values()] for one in step])
+                     for sign in (1.0, -1.0))
+    return tuple(trial.values(factors, middle)), (ahead - behind).T / _DIFFERENCE
 
 
-def local_changes(walks: DesignWalks, factors: Sequence[Factor]) -> np.ndarray:
+def local_changes(trials: Sequence[DesignTrial], factors: Sequence[Factor]) -> np.ndarray:
     """(k,) root mean square change of the resultant GRF (BW, 40 Hz, scored instants) for half of each range: linear,
     about the study's values, mean over the trials."""
     found = []
-    for t, walk in enumerate(walks.walks):
-        trial, walker = walk.trial, walks.walkers[t]
-        names, slopes = value_slopes(walks, factors, t)
-        run = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                          step_s=STEP_S, offsets=trial.offsets, with_respect_to=names)
+    for trial in trials:
+        names, slopes = value_slopes(trial, factors)
+        run, c = trial.run(with_respect_to=names), trial.comparison
         assert run.sensitivity is not None
-        c = walks.scorers[t].comparison
-        by = compare_sensitivity(c, walks.scorers[t].result, run.sensitivity).model[c.scored] @ slopes
+        by = compare_sensitivity(c, trial.result, run.sensitivity).model[c.scored] @ slopes
         force = c.model[c.scored]
         way = force / np.maximum(np.linalg.norm(force, axis=1), _LEAST_N)[:, None]
-        change = 0.5 * np.einsum("ni,nik->nk", way, by) / (trial.subject.mass_kg * GRAVITY)
+        change = 0.5 * np.einsum("ni,nik->nk", way, by) / trial.weight_n
         found.append(np.sqrt(np.mean(change**2, axis=0)))
     return np.asarray(np.mean(found, axis=0))
 
@@ -268,18 +262,31 @@ AT_ONCE = 480
 """Walks whose arrays are held at a time."""
 
 
-class WalkScorer:
-    """Reads the OUTPUTS off walks of one trial: the definitions of `analysis.comparison` and `analysis.metrics`."""
+class DesignTrial:
+    """One trial in which designs are walked, and how the OUTPUTS are read off its walks: by the definitions of
+    `analysis.comparison` and `analysis.metrics`."""
 
     def __init__(self, walk: StudyWalk, walker: Walker) -> None:
-        trial = walk.trial
-        run = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                          step_s=STEP_S, offsets=trial.offsets)
-        self.result = walker.result(run, trial, trial.offsets, energy=False)
+        trial, reach = walk.trial, walk.trial.model.foot.fulcrum
+        self.trial, self.walker = trial, walker
+        self.variables: Mapping[str, Variable] = walker.variables
+        self.limits = {"fulcrum.shift": (min(reach.rearmost_m - trial.fulcrum_m, 0.0),
+                                         max(reach.foremost_m - trial.fulcrum_m, 0.0))}  # as in `values_at`
+        self.weight_n = trial.subject.mass_kg * GRAVITY
+        self.result = walker.result(self.run(), trial, trial.offsets, energy=False)
         self.comparison: Comparison = compare(self.result, trial.prosthetic_plate)
-        self._weight = trial.subject.mass_kg * GRAVITY
         self._axes = walk_axes(self.comparison.heading)
-        self._measured = np.linalg.norm(self.comparison.measured, axis=1)[self.comparison.scored] / self._weight
+        self._measured = np.linalg.norm(self.comparison.measured, axis=1)[self.comparison.scored] / self.weight_n
+
+    def run(self, **more: Any) -> Walk:
+        """The trial walked as the study has it; `more` is what else `Walker.walk` takes."""
+        trial = self.trial
+        return self.walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                                step_s=STEP_S, offsets=trial.offsets, **more)
+
+    def values(self, factors: Sequence[Factor], shares: np.ndarray) -> dict[str, float]:
+        """`values_at` with this walker's variables and within the reach of the fulcrum."""
+        return values_at(factors, shares, self.variables, self.limits)
 
     def score(self, outcome: WalkOutcome) -> np.ndarray:
         """(len(OUTPUTS),) of a walk that kept KEEP; NaN where one is not known, all NaN of a walk that failed."""
@@ -291,10 +298,10 @@ class WalkScorer:
         raw = resample(grid, time, grf @ self._axes.T)
         first = int(np.searchsorted(grid, c.time_s[0] - 1e-9))
         model = low_pass(raw, rate_hz=1.0 / c.step_s, cutoff_hz=FORCE_CUTOFF_HZ)[first : first + len(c.time_s)]
-        error = rmse(np.linalg.norm(model, axis=1)[c.scored] / self._weight, self._measured)
+        error = rmse(np.linalg.norm(model, axis=1)[c.scored] / self.weight_n, self._measured)
         off_m = known(x for item in c.stances for x in self._cop_error(item, time, grf, cop))
         stances = find_stances(grid, raw[:, 2], threshold_n=THRESHOLD_N)
-        rows = [[model[c.within(item.measured.start_s, item.measured.end_s), 2].max() / self._weight,
+        rows = [[model[c.within(item.measured.start_s, item.measured.end_s), 2].max() / self.weight_n,
                  *_spring(time, energy, item.measured, stances)] for item in c.stances if item.inside]
         return np.array([error, rms(off_m) / self.result.foot_length_m,
                          1e3 * off_m.mean() if off_m.size else np.nan,
@@ -328,15 +335,11 @@ class DesignWalks:
     """Walks every point of a design in each of several trials, on `count` workers of an executor (None: here)."""
 
     def __init__(self, walks: Sequence[StudyWalk], executor: Any = None, count: int = 1) -> None:
-        self.walks, self._executor, self._count = walks, executor, count
+        self._executor, self._count = executor, count
         self.failures: list[str] = []  # why walks failed, in the order of the points
         self.walked = self.unconverged = 0  # walks so far, and those that accepted steps without convergence
-        self.walkers = walkers_of(walk.trial for walk in walks)
-        self.scorers = [WalkScorer(walk, walker) for walk, walker in zip(walks, self.walkers, strict=True)]
-        self.variables: list[Mapping[str, Variable]] = [walker.variables for walker in self.walkers]
-        reaches = [(walk.trial.model.foot.fulcrum, walk.trial.fulcrum_m) for walk in walks]
-        self.limits = [{"fulcrum.shift": (min(reach.rearmost_m - at, 0.0), max(reach.foremost_m - at, 0.0))}
-                       for reach, at in reaches]  # as in `values_at`
+        walkers = walkers_of(walk.trial for walk in walks)
+        self.trials = [DesignTrial(walk, walker) for walk, walker in zip(walks, walkers, strict=True)]
 
     def baseline(self) -> np.ndarray:
         """(trials, len(OUTPUTS)) with every factor as the study has it."""
@@ -348,14 +351,13 @@ class DesignWalks:
     ) -> np.ndarray:
         """(rows, trials, len(OUTPUTS)) at points (rows, k), the shares of the ranges of k factors, in some or all
         trials; NaN where a walk failed or a value is not known. What is no factor stays as the study has it."""
-        trials = range(len(self.walks)) if trials is None else trials
-        values = np.full((len(points), len(trials), len(OUTPUTS)), np.nan)
-        rows = max(1, AT_ONCE // len(trials))
+        walked = self.trials if trials is None else [self.trials[t] for t in trials]
+        values = np.full((len(points), len(walked), len(OUTPUTS)), np.nan)
+        rows = max(1, AT_ONCE // len(walked))
         for start in range(0, len(points), rows):
             part = points[start : start + rows]
-            cases = [WalkCase(trial=self.walks[t].trial, step_s=STEP_S, label=f"point {start + i}",
-                              values=values_at(factors, point, self.variables[t], self.limits[t]))
-                     for i, point in enumerate(part) for t in trials]
+            cases = [WalkCase(trial=one.trial, step_s=STEP_S, label=f"point {start + i}",
+                              values=one.values(factors, point)) for i, point in enumerate(part) for one in walked]
 
             def show(state: SweepProgress, start: int = start, size: int = len(part)) -> None:
                 if progress:
@@ -363,8 +365,8 @@ class DesignWalks:
 
             outcomes = simulate_many(cases, keep=KEEP, workers=self._count, executor=self._executor, progress=show)
             for n, outcome in enumerate(outcomes):
-                row, place = divmod(n, len(trials))
-                values[start + row, place] = self.scorers[trials[place]].score(outcome)
+                row, place = divmod(n, len(walked))
+                values[start + row, place] = walked[place].score(outcome)
                 self.unconverged += bool(outcome.unconverged_steps)
             self.failures += [outcome.failure for outcome in outcomes if outcome.failure is not None]
             self.walked += len(cases)
