@@ -123,11 +123,6 @@ class Chapter:
     missing: Sequence[str] = ()  # what is not there, and why, above the rest
 
 
-def absent_chapter(name: str, title: str, why: str) -> Chapter:
-    """A chapter that only says why it is empty."""
-    return Chapter(name=name, title=title, missing=(why,))
-
-
 def made_chapter(name: str, title: str, make: Callable[[], Chapter], lenient: bool) -> Chapter:
     """What `make` makes; if `lenient` and it cannot, a chapter of that name that says so."""
     try:
@@ -136,7 +131,7 @@ def made_chapter(name: str, title: str, make: Callable[[], Chapter], lenient: bo
         raise_if_interrupted()
         if not lenient:
             raise
-        return absent_chapter(name, title, _unshown("what the results hold of it", error))
+        return Chapter(name=name, title=title, missing=(_unshown("what the results hold of it", error),))
 
 
 class ShownChapter:

@@ -6,11 +6,12 @@ that the order survives grey print. Nothing global changes and no display is nee
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib import colormaps, rc_context, rcParamsDefault
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -59,6 +60,12 @@ def drawing(width: float, height: float) -> Iterator[Figure]:
         figure.draw_without_rendering()
 
 
+Row = Mapping[str, Any]
+"""Of a saved table, positions of the fulcrum in mm."""
+Arrays = Mapping[str, np.ndarray]
+FULCRUM = "fulcrum from the keel's posterior end (mm)"
+
+
 def condition_colour(fulcrum_m: float | None) -> Any:
     """The colour of a fulcrum position (m from the keel's posterior end), or of the heel for None."""
     if fulcrum_m is None:
@@ -71,6 +78,22 @@ def condition_colour(fulcrum_m: float | None) -> Any:
 def condition_label(fulcrum_m: float | None) -> str:
     """The name of a condition in legends."""
     return "heel" if fulcrum_m is None else f"fulcrum {1e3 * fulcrum_m:g} mm"
+
+
+def colour_of(fulcrum_mm: float | None) -> Any:
+    """The colour of a position, or of the heel for None."""
+    return condition_colour(None if fulcrum_mm is None else 1e-3 * fulcrum_mm)
+
+
+def name_of(fulcrum_mm: float) -> str:
+    """A position's name in legends."""
+    return condition_label(1e-3 * fulcrum_mm)
+
+
+def say_synthetic(figure: Figure, table: Row, what: str) -> None:
+    """That nobody recorded these walks, or trials."""
+    if table["synthetic"]:
+        figure.suptitle(f"SYNTHETIC {what}, not recorded", x=0.01, ha="left", fontsize=11)
 
 
 def label(axes: Axes, *, x: str, y: str, title: str = "") -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vsf_drake.analysis.contact_fit.problem import labels_of
 from vsf_drake.analysis.offsets import fit_offsets
-from vsf_drake.analysis.validation.study import SETTINGS, embedded_contact, embedded_trials
+from vsf_drake.analysis.validation.study import SETTINGS, check_named_once, embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import trial_with
@@ -73,10 +73,7 @@ def load_tuning_trials(
     """
     if not manifests:
         manifests, contact = embedded_tuning_trials(level=level, quick=quick), contact or embedded_contact()
-    files = [Path(manifest).resolve() for manifest in manifests]
-    for i, file in enumerate(files):
-        if file in files[:i]:
-            raise InputError("is named twice", file=manifests[i], right="Name every trial once")
+    check_named_once(manifests)
     trials = tuple(load_trial(manifest) for manifest in manifests)
     check_one_person(trials)
     labels = labels_of(trials)

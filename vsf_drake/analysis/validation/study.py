@@ -162,6 +162,14 @@ def embedded_bench() -> Path:
     return resource(f"{_EMBEDDED}/bench_curves.csv")
 
 
+def check_named_once(manifests: Sequence[str | Path]) -> None:
+    """Raises InputError if two of the manifests are one file."""
+    files = [Path(manifest).resolve() for manifest in manifests]
+    for i, file in enumerate(files):
+        if file in files[:i]:
+            raise InputError("is named twice", file=manifests[i], right="Name every trial once")
+
+
 def make_study(
     manifests: Sequence[str | Path], *, contact: str | Path | None = None, bench: str | Path | None = None,
     options: StudyOptions | None = None, progress: Progress | None = None
@@ -176,10 +184,7 @@ def make_study(
     options = options or StudyOptions()
     if not manifests:
         raise InputError("there is no trial", right="Name at least one manifest")
-    files = [Path(manifest).resolve() for manifest in manifests]
-    for i, file in enumerate(files):
-        if file in files[:i]:
-            raise InputError("is named twice", file=manifests[i], right="Name every trial once")
+    check_named_once(manifests)
     fitted = None if contact is None else load_contact(contact)
     curves, problem = (None, None) if bench is None else _bench(bench)
     inputs = {f"{kind}: {Path(file).name}": sha256(file) for kind, file, used in (

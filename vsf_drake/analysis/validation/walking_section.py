@@ -151,7 +151,7 @@ def pooled(rotations: Sequence[Rotation]) -> dict[str, Any]:
     return {"angle_rmse_deg": rms(r.rmse_deg for r in rotations),
             "angle_worst_deg": max((r.rmse_deg for r in rotations), default=None),
             "angle_r2": float(1.0 - weights[0] / weights[1]) if weights[1] > 0.0 else None,
-            "angle_lag_ms": _largest_lag(rotations),
+            "angle_lag_ms": max((r.lag_ms for r in rotations if r.lag_ms is not None), key=abs, default=None),
             "angle_recording_rmse_deg": rms(r.recording_rmse_deg for r in rotations)}
 
 
@@ -160,14 +160,10 @@ def angle_rows(by_walk: Mapping[str, Sequence[Rotation]]) -> list[dict[str, Any]
     by_name: dict[str, list[Rotation]] = {}
     for r in (r for rotations in by_walk.values() for r in rotations):
         by_name.setdefault(r.name, []).append(r)
-    return [{"rotation": name, "n": len(own), "rmse_deg": rms(r.rmse_deg for r in own),
-             "r2": min((r.r2 for r in own if r.r2 is not None), default=None), "lag_ms": _largest_lag(own),
+    return [{"rotation": name, "n": len(own), "r2": min((r.r2 for r in own if r.r2 is not None), default=None),
              "range_deg": float(np.mean([r.range_deg for r in own])),
-             "recording_rmse_deg": rms(r.recording_rmse_deg for r in own)} for name, own in by_name.items()]
-
-
-def _largest_lag(rotations: Sequence[Rotation]) -> float | None:
-    return max((r.lag_ms for r in rotations if r.lag_ms is not None), key=abs, default=None)
+             **{key: pooled(own)[f"angle_{key}"] for key in ("rmse_deg", "lag_ms", "recording_rmse_deg")}}
+            for name, own in by_name.items()]
 
 
 # How well the joints follow what they were told: error, R² and phase lag of every prescribed rotation.

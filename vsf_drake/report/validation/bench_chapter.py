@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,24 +11,26 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, SIMULATED, drawing, label, log_scale
-from vsf_drake.report.validation.figures import (
-    DOTTED,
+from vsf_drake.report.style import (
     FULCRUM,
+    MARKERS,
+    MEASURED,
+    NEUTRAL,
+    SHADE,
+    SIMULATED,
     Arrays,
     Row,
-    bars,
     colour_of,
-    numbers,
-    position,
-    tag,
-    value,
+    drawing,
+    label,
+    log_scale,
 )
 
 _LINE_MARKERS = {"model": "o", "nominal": "s", "refined": "D", "calibrated": "^"}
 _LINE_GREYS = {"measured": "0.55", "model": "0.1", "nominal": "0.78", "refined": "0.38", "calibrated": "0.95"}
 _NOMINAL: dict[str, Any] = {"linestyle": (0, (1, 2)), "linewidth": 1.2}
 _SLOPE_ABOVE_N = 200.0
+_DOTTED: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
 _OVER = {"frameon": True, "facecolor": "white", "edgecolor": "none", "framealpha": 1.0}
 
 
@@ -53,19 +56,19 @@ def bench_chapter(table: Row, arrays: Arrays) -> Chapter:
         "line_of": {line["key"]: line for line in lines},
         "pressed": [row for row in forefoot if row["model"]],
         "heel": next((row for row in table["settings"] if row["fulcrum_mm"] is None), None),
-        "worst": max((row for row in forefoot if value(row, "model", "mid_range_offset_mm") is not None),
+        "worst": max((row for row in forefoot if _value(row, "model", "mid_range_offset_mm") is not None),
                      key=lambda row: abs(row["model"]["mid_range_offset_mm"]), default=None),
         "comparison_rows": [*compared, {"of": "paper, its model on its bench", "n": 5, **table["limits"]}],
         "setting_rows": _setting_rows(table),
-        "shape_rows": [{"setting": position(row["fulcrum_mm"]), "of": name, **row[key]["shape"]}
-                       for row in table["settings"] for key, name in names.items() if value(row, key, "shape")],
+        "shape_rows": [{"setting": _position(row["fulcrum_mm"]), "of": name, **row[key]["shape"]}
+                       for row in table["settings"] for key, name in names.items() if _value(row, key, "shape")],
         "chord_shares": [(name, shares) for key, name in (
             ("measured", "measured here"), ("model", f"simulated ({lines[0]['name']})"))
             if (shares := [(row["fulcrum_mm"], share) for row in forefoot
-                           if (share := value(row, key, "shape", "curvature_share")) is not None])],
+                           if (share := _value(row, key, "shape", "curvature_share")) is not None])],
         "softest": softest, "stiffest": stiffest, "stiffening_n_per_mm": change,
-        "returned": {(x, speed): value(at, (x, speed), "return_ratio") for x in slowest for speed in (low, high)},
-        "rate_rows": [row | {"setting": position(row["fulcrum_mm"]), "lost_share": 1.0 - row["return_ratio"]}
+        "returned": {(x, speed): _value(at, (x, speed), "return_ratio") for x in slowest for speed in (low, high)},
+        "rate_rows": [row | {"setting": _position(row["fulcrum_mm"]), "lost_share": 1.0 - row["return_ratio"]}
                       for row in table["rates"]],
         "moved_ends": [(by_fulcrum[x][0], by_fulcrum[x][-1]) for x in (min(by_fulcrum), max(by_fulcrum))]
         if points else [],
@@ -83,11 +86,11 @@ def bench_chapter(table: Row, arrays: Arrays) -> Chapter:
 
 def _setting_rows(table: Row) -> list[dict[str, Any]]:
     return [{
-        "setting": position(row["fulcrum_mm"]), "max_load_n": row["max_load_n"],
+        "setting": _position(row["fulcrum_mm"]), "max_load_n": row["max_load_n"],
         "published_n_per_mm": row["published_n_per_mm"], "repeats": row["repeats"] or None,
-        "measured_half_width_n_per_mm": value(row, "measured", "stiffness_n_per_mm_half_width"),
-        "measured_mid_range_half_width_mm": value(row, "measured", "mid_range_mm_half_width"),
-        **{f"{key}_{name}": value(row, key, of) for key in ("measured", *(line["key"] for line in table["lines"]))
+        "measured_half_width_n_per_mm": _value(row, "measured", "stiffness_n_per_mm_half_width"),
+        "measured_mid_range_half_width_mm": _value(row, "measured", "mid_range_mm_half_width"),
+        **{f"{key}_{name}": _value(row, key, of) for key in ("measured", *(line["key"] for line in table["lines"]))
            for name, of in (("n_per_mm", "stiffness_n_per_mm"), ("offset_mm", "mid_range_offset_mm"),
                             ("mid_range_mm", "mid_range_mm"), ("curve_rmse_mm", "curve_rmse_mm"))}}
         for row in table["settings"]]
@@ -119,7 +122,7 @@ def bench_agreement_figure(table: Row, arrays: Arrays) -> Figure:
 
 def _stiffness(axes: Axes, table: Row) -> None:
     rows = _forefoot(table)
-    x, measured, model, half = numbers(rows, "fulcrum_mm"), *(numbers(rows, *keys) for keys in (
+    x, measured, model, half = _numbers(rows, "fulcrum_mm"), *(_numbers(rows, *keys) for keys in (
         ("measured", "stiffness_n_per_mm"), ("model", "stiffness_n_per_mm"),
         ("measured", "stiffness_n_per_mm_half_width")))
     if np.isfinite(measured).any():
@@ -153,8 +156,8 @@ def _errors(axes: Axes, table: Row, arrays: Arrays) -> None:
         axes.plot(at, line - at, color="0.1", **SIMULATED)
     for line in table["lines"]:
         own = line["key"] == "model"
-        axes.plot(numbers(rows, "measured", "stiffness_n_per_mm"),
-                  numbers(rows, line["key"], "stiffness_error_n_per_mm"), linestyle="", color="0.1",
+        axes.plot(_numbers(rows, "measured", "stiffness_n_per_mm"),
+                  _numbers(rows, line["key"], "stiffness_error_n_per_mm"), linestyle="", color="0.1",
                   marker=_LINE_MARKERS[line["key"]], markerfacecolor="0.1" if own else "none",
                   markersize=5 if own else 8, label=line["name"])
     axes.set_ylim(-1.9 * limit, 2.6 * limit)
@@ -167,7 +170,7 @@ def _offsets(axes: Axes, table: Row) -> None:
     rows, limit = _forefoot(table), table["limits"]["mid_range_rmse_mm"]
     axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} mm")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
-    bars(axes, [(line["name"], _LINE_GREYS[line["key"]], numbers(rows, line["key"], "mid_range_offset_mm"))
+    _bars(axes, [(line["name"], _LINE_GREYS[line["key"]], _numbers(rows, line["key"], "mid_range_offset_mm"))
                 for line in table["lines"]], [f"{row['fulcrum_mm']:g}" for row in rows])
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.45 * (high - low))
@@ -211,7 +214,7 @@ def _setting(axes: Axes, i: int, row: Row, table: Row, arrays: Arrays) -> None:
         axes.plot(start + (above - _SLOPE_ABOVE_N) / row["published_n_per_mm"], above, color=colour, **MEASURED)
     ends = [curve[-1] for curve in (model, measured) if np.isfinite(curve[-1])]
     if ends:
-        tag(axes, row["fulcrum_mm"], (ends[0], load[-1]), xytext=(0, 5), ha="center")
+        _tag(axes, row["fulcrum_mm"], (ends[0], load[-1]), xytext=(0, 5), ha="center")
 
 
 def _energy_figure(table: Row, arrays: Arrays) -> Figure:
@@ -229,9 +232,9 @@ def _loops(axes: Axes, table: Row, arrays: Arrays) -> None:
         colour = colour_of(fulcrum)
         axes.fill(np.concatenate(x), np.concatenate(load), color=colour, alpha=0.18, linewidth=0)
         axes.plot(x[0], load[0], color=colour, **SIMULATED)
-        axes.plot(x[1], load[1], color=colour, **DOTTED)
+        axes.plot(x[1], load[1], color=colour, **_DOTTED)
     axes.plot([], [], color=NEUTRAL, label="loading", **SIMULATED)
-    axes.plot([], [], color=NEUTRAL, label="unloading (area between: lost)", **DOTTED)
+    axes.plot([], [], color=NEUTRAL, label="unloading (area between: lost)", **_DOTTED)
     axes.set_xlim(left=0.0)
     axes.margins(y=0.12)
     axes.set_ylim(bottom=0.0)
@@ -243,8 +246,8 @@ def _loops(axes: Axes, table: Row, arrays: Arrays) -> None:
 def _losses(axes: Axes, table: Row) -> None:
     for i, fulcrum in enumerate(table["rate_settings_mm"]):
         rows = [row for row in table["rates"] if row["fulcrum_mm"] == fulcrum and row["lost_j"] > 0.0]
-        axes.plot(numbers(rows, "speed_mm_per_min"), [100.0 * (1.0 - row["return_ratio"]) for row in rows],
-                  color=colour_of(fulcrum), markersize=5, label=position(fulcrum),
+        axes.plot(_numbers(rows, "speed_mm_per_min"), [100.0 * (1.0 - row["return_ratio"]) for row in rows],
+                  color=colour_of(fulcrum), markersize=5, label=_position(fulcrum),
                   marker="*" if fulcrum is None else MARKERS[i % len(MARKERS)], **SIMULATED)
     log_scale(axes.xaxis)
     log_scale(axes.yaxis)
@@ -259,16 +262,16 @@ def _stored(axes: Axes, table: Row) -> None:
     slowest = min(table["rate_speeds_mm_per_min"], key=lambda speed: abs(speed - table["speed_mm_per_min"]))
     rows = [row for row in table["rates"] if row["speed_mm_per_min"] == slowest]
     places = np.arange(len(rows))
-    axes.bar(places, numbers(rows, "stored_j"), 0.62, edgecolor="0.1", linewidth=0.6,
+    axes.bar(places, _numbers(rows, "stored_j"), 0.62, edgecolor="0.1", linewidth=0.6,
              color=[colour_of(row["fulcrum_mm"]) for row in rows], alpha=0.75, label="simulated")
-    axes.plot(places, numbers(rows, "linear_spring_j"), linestyle="", marker="_", markersize=22, markeredgewidth=2.2,
+    axes.plot(places, _numbers(rows, "linear_spring_j"), linestyle="", marker="_", markersize=22, markeredgewidth=2.2,
               color="0.05", label="linear spring, F²/2k")
     measured = {row["fulcrum_mm"]: row for row in table["settings"] if abs(row["max_load_n"] - 600.0) < 1.0}
-    stored = numbers([measured.get(row["fulcrum_mm"], {}) for row in rows], "measured", "stored_j")
+    stored = _numbers([measured.get(row["fulcrum_mm"], {}) for row in rows], "measured", "stored_j")
     if np.isfinite(stored).any():
         axes.plot(places, stored, linestyle="", marker="D", markersize=6, color="white", markeredgecolor="0.05",
                   markeredgewidth=1.2, label=_source(table))
-    axes.set_xticks(places, [position(row["fulcrum_mm"]).removesuffix(" mm") for row in rows])
+    axes.set_xticks(places, [_position(row["fulcrum_mm"]).removesuffix(" mm") for row in rows])
     axes.set_ylim(0.0, 1.35 * axes.get_ylim()[1])
     axes.legend(loc="upper right")
     label(axes, x="fulcrum (mm), heel", y="energy stored at 600 N (J)", title=f"Stored at {slowest:g} mm/min")
@@ -280,13 +283,13 @@ def _load_point_figure(points: list[Row]) -> Figure:
         axes = figure.subplots()
         for i, fulcrum in enumerate(sorted({row["fulcrum_mm"] for row in points})):
             rows = [row for row in points if row["fulcrum_mm"] == fulcrum]
-            x, stiffness = numbers(rows, "load_point_mm"), numbers(rows, "stiffness_n_per_mm")
+            x, stiffness = _numbers(rows, "load_point_mm"), _numbers(rows, "stiffness_n_per_mm")
             axes.plot(x, stiffness, color=colour_of(fulcrum), marker=MARKERS[i % len(MARKERS)], markersize=5,
                       **SIMULATED)
-            axes.plot(x, numbers(rows, "closed_form_n_per_mm"), color=colour_of(fulcrum), **DOTTED)
-            tag(axes, fulcrum, (x[-1], stiffness[-1]), xytext=(7, 0), va="center")
+            axes.plot(x, _numbers(rows, "closed_form_n_per_mm"), color=colour_of(fulcrum), **_DOTTED)
+            _tag(axes, fulcrum, (x[-1], stiffness[-1]), xytext=(7, 0), va="center")
         axes.plot([], [], color=NEUTRAL, marker="o", markersize=5, label="simulated", **SIMULATED)
-        axes.plot([], [], color=NEUTRAL, **DOTTED, label="overhung beam, small deflections")
+        axes.plot([], [], color=NEUTRAL, **_DOTTED, label="overhung beam, small deflections")
         axes.set_xticks(sorted({row["load_point_mm"] for row in points}))
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1)
@@ -310,7 +313,7 @@ def _shape_figure(table: Row, arrays: Arrays) -> Figure:
                 left.plot(load, slope, color=colour_of(row["fulcrum_mm"]), **look)
                 ends += [*slope[np.isfinite(slope)][-1:]]
             if ends:
-                tag(left, row["fulcrum_mm"], (load[-1], ends[-1]), xytext=(3, 0), va="center")
+                _tag(left, row["fulcrum_mm"], (load[-1], ends[-1]), xytext=(3, 0), va="center")
         left.axvline(_SLOPE_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
         if table["measured"]:
             left.plot([], [], color=NEUTRAL, label=_source(table), **MEASURED)
@@ -321,10 +324,44 @@ def _shape_figure(table: Row, arrays: Arrays) -> Figure:
         rows = _forefoot(table)
         names = {"measured": _source(table)} if table["measured"] else {}
         names |= {line["key"]: line["name"] for line in table["lines"]}
-        bars(right, [(name, _LINE_GREYS[key], 100.0 * np.array(numbers(rows, key, "shape", "curvature_share")))
+        _bars(right, [(name, _LINE_GREYS[key], 100.0 * np.array(_numbers(rows, key, "shape", "curvature_share")))
                      for key, name in names.items()], [f"{row['fulcrum_mm']:g}" for row in rows])
         right.set_ylim(0.0, 1.5 * right.get_ylim()[1])
         right.legend(loc="upper left", ncols=2)
         label(right, x=FULCRUM, y="largest distance from the chord (% of travel)",
               title="How far the curve is from straight")
     return figure
+
+
+def _position(fulcrum_mm: float | None) -> str:
+    """A position in a table and beside a curve."""
+    return "heel" if fulcrum_mm is None else f"{fulcrum_mm:g} mm"
+
+
+def _value(row: Any, *keys: Any) -> Any:
+    """A value of a nested row; None where any part is missing."""
+    for key in keys:
+        if not isinstance(row, Mapping) or row.get(key) is None:
+            return None
+        row = row[key]
+    return row
+
+
+def _numbers(rows: Iterable[Row], *keys: str) -> list[float]:
+    """The same over rows, NaN where it is missing: gaps in a figure."""
+    return [float("nan") if (found := _value(row, *keys)) is None else float(found) for row in rows]
+
+
+def _tag(axes: Axes, fulcrum_mm: float | None, at: tuple[float, float], **options: Any) -> None:
+    """Names a position beside its curve."""
+    axes.annotate(_position(fulcrum_mm), at, fontsize=8, textcoords="offset points", color=colour_of(fulcrum_mm),
+                  fontweight="bold", annotation_clip=False, **options)
+
+
+def _bars(axes: Axes, groups: Sequence[tuple[str, str, Any]], places: Sequence[str]) -> None:
+    """Bars side by side at each place: a label, a grey and the heights of each group."""
+    width = 0.8 / len(groups)
+    for j, (text, grey, heights) in enumerate(groups):
+        axes.bar(np.arange(len(places)) + (j - 0.5 * (len(groups) - 1)) * width, heights, width, color=grey,
+                 edgecolor="0.1", linewidth=0.6, label=text)
+    axes.set_xticks(np.arange(len(places)), places)

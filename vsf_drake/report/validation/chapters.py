@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from vsf_drake.report.page import Chapter, absent_chapter, made_chapter
-from vsf_drake.report.style import MEASURED, NEUTRAL, drawing, label
+from vsf_drake.report.page import Chapter, made_chapter
+from vsf_drake.report.style import MEASURED, NEUTRAL, Arrays, Row, colour_of, drawing, label, name_of
 from vsf_drake.report.validation.bench_chapter import bench_chapter
 from vsf_drake.report.validation.energy_chapter import energy_chapter
-from vsf_drake.report.validation.figures import Arrays, Row, colour_of, name_of
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity_chapter import sensitivity_chapter
 from vsf_drake.report.validation.settings_chapter import settings_chapter
@@ -86,22 +86,21 @@ def make_chapters(content: Row, arrays: Arrays, *, lenient: bool) -> list[Chapte
     If `lenient`, a section that this version cannot show is named as missing instead of raising, as for results that
     another version wrote or somebody edited.
     """
-    chapters = [made_chapter("summary", "Summary", lambda: _summary(content), lenient)]
+    chapters = [made_chapter("summary", "Summary", partial(_summary, content), lenient)]
     for name, (title, maker) in _MAKERS.items():
-        section = content["sections"].get(name)
+        section, made = content["sections"].get(name), Chapter(name=name, title=title)
         if not isinstance(section, Mapping):
-            if name != "walking_exact":  # only of the embedded trials
-                chapters.append(absent_chapter(name, title, "These results have no such section."))
+            if name == "walking_exact":  # only of the embedded trials
+                continue
+            why = ["These results have no such section."]
         elif section.get("failure") or section.get("table") is None:
-            chapters.append(absent_chapter(
-                name, title, f"This could not be computed: {section.get('failure') or 'unknown'}"))
+            why = [f"This could not be computed: {section.get('failure') or 'unknown'}"]
         else:
-            own = {key.partition("/")[2]: array for key, array in arrays.items() if key.partition("/")[0] == name}
-            made = made_chapter(
-                name, title, lambda maker=maker, table=section["table"], own=own: maker(table, own), lenient)
-            missing = [str(sentence) for sentence in section.get("missing") or ()]
-            chapters.append(replace(made, name=name, missing=[*missing, *made.missing]))
-    return [*chapters, made_chapter("made", "How this was made", lambda: _making(content), lenient)]
+            own = {key.removeprefix(f"{name}/"): array for key, array in arrays.items() if key.startswith(f"{name}/")}
+            made = made_chapter(name, title, partial(maker, section["table"], own), lenient)
+            why = [*map(str, section.get("missing") or ()), *made.missing]
+        chapters.append(replace(made, name=name, missing=why))
+    return [*chapters, made_chapter("made", "How this was made", partial(_making, content), lenient)]
 
 
 def _summary(content: Row) -> Chapter:

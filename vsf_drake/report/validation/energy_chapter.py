@@ -10,8 +10,19 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MARKERS, NEUTRAL, SIMULATED, drawing, label, log_scale
-from vsf_drake.report.validation.figures import FULCRUM, Arrays, Row, colour_of, name_of
+from vsf_drake.report.style import (
+    FULCRUM,
+    MARKERS,
+    NEUTRAL,
+    SIMULATED,
+    Arrays,
+    Row,
+    colour_of,
+    drawing,
+    label,
+    log_scale,
+    name_of,
+)
 
 _WORDS = {
     "limb_work": "work of the limb through the socket", "kinetic": "kinetic", "gravity": "gravity",

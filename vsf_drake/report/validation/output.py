@@ -13,9 +13,8 @@ from vsf_drake.files import write_json
 from vsf_drake.report.figures import walk_figure
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import save_figure
+from vsf_drake.report.style import Arrays, Row, save_figure
 from vsf_drake.report.validation.chapters import make_chapters
-from vsf_drake.report.validation.figures import Arrays, Row
 from vsf_drake.simulation.results import save_walk
 
 FORMAT = 1

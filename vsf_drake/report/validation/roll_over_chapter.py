@@ -9,8 +9,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import HEEL_COLOUR, MARKERS, MEASURED, NEUTRAL, SIMULATED, drawing, label
-from vsf_drake.report.validation.figures import Arrays, Row, colour_of, name_of
+from vsf_drake.report.style import (
+    HEEL_COLOUR,
+    MARKERS,
+    MEASURED,
+    NEUTRAL,
+    SIMULATED,
+    Arrays,
+    Row,
+    colour_of,
+    drawing,
+    label,
+    name_of,
+)
 
 _SECOND_PEAK_MS = 447.5
 _PANELS = (("radius_m", 1e3, "arc radius (mm)"), ("effective_foot_length_ratio", 1.0, "effective / foot length (1)"),

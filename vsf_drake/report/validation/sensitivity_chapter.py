@@ -12,8 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import drawing, label
-from vsf_drake.report.validation.figures import Arrays, Row, say_synthetic
+from vsf_drake.report.style import Arrays, Row, drawing, label, say_synthetic
 
 
 class Output(NamedTuple):

@@ -12,8 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MARKERS, NEUTRAL, drawing, label
-from vsf_drake.report.validation.figures import Arrays, Row, colour_of
+from vsf_drake.report.style import MARKERS, NEUTRAL, Arrays, Row, colour_of, drawing, label
 
 TITLE = "Can two settings be told apart?"
 SHOWN = ("resultant_first_bw", "resultant_second_bw", "vertical_trough_bw", "propulsion_bw", "cop_mid_stance_fl",

@@ -14,8 +14,7 @@ from matplotlib.patches import Patch
 
 from vsf_drake.report.fit_figures import fit_sweep_figure
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MEASURED, NEUTRAL, SIMULATED, drawing, label
-from vsf_drake.report.validation.figures import Arrays, Row, colour_of, say_synthetic
+from vsf_drake.report.style import MEASURED, NEUTRAL, SIMULATED, Arrays, Row, colour_of, drawing, label, say_synthetic
 
 _ACROSS = 3
 """Conditions side by side in a figure."""
