@@ -28,9 +28,10 @@ def axis_force(
     Continuous everywhere, with kinks at q = 0 (if the two stiffnesses differ) and at the limits.
 
     Args:
-        displacement, rate: m and m/s, or rad and rad/s, of the socket relative to the limb; the rest to match.
-        stiffness, stiffness_negative: for positive and negative displacement.
-        limit, rate_limit: where the stops begin.
+        displacement, rate: m and m/s, or rad and rad/s, of the socket relative to the limb; the force is in N or N m.
+        stiffness, stiffness_negative: N/m or N m/rad, for positive and negative displacement.
+        damping: N s/m or N m s/rad.
+        limit, rate_limit: where the stops begin, in the units of displacement and rate.
         stop_ratio: added stiffness and damping beyond the limits, as multiples of k and c.
     """
     displacement = np.asarray(displacement)

@@ -61,7 +61,7 @@ def friction_force(
     slip: Values, normal_force: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values,
     smooth: bool = False
 ) -> Array:
-    """Friction -mu(V) · normal_force · slip / V on the sphere, V = |slip|.
+    """Friction -mu(V) · normal_force · slip / V, (..., 2) N on the sphere, V = |slip|.
 
     Args:
         slip: (..., 2) horizontal velocity (m/s) of the sphere's point at its full radius below the centre, relative to
