@@ -65,10 +65,10 @@ def test_more_weight_of_a_cost_never_makes_it_worse(solution):
 
 
 def test_the_interval_holds_the_optimum_and_the_draws(solution):
-    known, drawn = solution.uncertainty, [draw.lowest()[0] for draw in solution.draws]
-    assert known.low_mm <= solution.fulcrum_mm <= known.high_mm
+    (low, high), drawn = solution.interval_mm, [draw.lowest()[0] for draw in solution.draws]
+    assert low <= solution.fulcrum_mm <= high
     assert len(drawn) == 2
-    assert known.low_mm <= min(drawn) and max(drawn) <= known.high_mm
+    assert low <= min(drawn) and max(drawn) <= high
 
 
 @pytest.mark.slow

@@ -95,19 +95,20 @@ def swept(each, change=0.0):
 
 def test_a_setting_that_changes_nothing_is_said_to_hardly_matter():
     each = 2.0 + 1e-6 * (GRID - 100.0)[None, :] ** 2 + np.array([[0.0], [0.3], [0.5]])
-    known = fulcrum_uncertainty(swept(each), 100.0, (), [66.0] * 3, size=2.0, unit="J/kg", allowed_bw=0.1, gain=1e-4)
-    assert known.matters is False
-    assert (known.low_mm, known.high_mm) == (66.0, 151.0)
-    assert "hardly matters" in known.sentence
-    assert "next to nothing" in known.sentence
+    interval_mm, _, worth = fulcrum_uncertainty(swept(each), 100.0, (), [66.0] * 3, size=2.0, unit="J/kg",
+                                                allowed_bw=0.1, gain=1e-4)
+    assert worth["matters"] is False
+    assert interval_mm == [66.0, 151.0]
+    assert "hardly matters" in worth["sentence"]
+    assert "next to nothing" in worth["sentence"]
 
 
 def test_a_setting_that_matters_more_than_trials_differ_is_said_to_matter():
     each = 2.0 + 2e-3 * (GRID - 100.0)[None, :] ** 2 + np.array([[0.0], [0.3], [0.5]])
-    known = fulcrum_uncertainty(swept(each, change=0.0049), 100.0, (), [66.0] * 3, size=2.0, unit="J/kg",
-                                allowed_bw=0.1, gain=0.06)
-    assert known.matters is True
+    _, _, worth = fulcrum_uncertainty(swept(each, change=0.0049), 100.0, (), [66.0] * 3, size=2.0, unit="J/kg",
+                                      allowed_bw=0.1, gain=0.06)
+    assert worth["matters"] is True
     assert difference(each, [66.0] * 3).range == pytest.approx(2e-3 * 51.0**2)
-    assert known.sentence.startswith("From the best to the worst position the cost changes by 5.2 J/kg, 260% of its")
-    assert "from 88 to 128 mm, the cost varies by 78.4%" in known.sentence
-    assert "gains 6.0%." in known.sentence
+    assert worth["sentence"].startswith("From the best to the worst position the cost changes by 5.2 J/kg, 260% of its")
+    assert "from 88 to 128 mm, the cost varies by 78.4%" in worth["sentence"]
+    assert "gains 6.0%." in worth["sentence"]

@@ -11,7 +11,7 @@ from vsf_drake.analysis.tuning.common import FORMAT, OPTIMUM, RECORDED, SETTINGS
 from vsf_drake.analysis.tuning.level1.costs import LABELS
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.sweep import KINDS, SAME_LOAD, Sweep
-from vsf_drake.analysis.tuning.level1.uncertainty import FulcrumUncertainty, difference
+from vsf_drake.analysis.tuning.level1.uncertainty import difference
 from vsf_drake.errors import FitError
 from vsf_drake.files import plain
 from vsf_drake.schema import to_plain
@@ -53,7 +53,9 @@ class TuningSolution:
     sweep: Sweep | None = None  # through the best setting
     compared: Sweep | None = None  # of SETTINGS, the recorded one each trial's own, the device as it is
     same_load: dict[str, np.ndarray] = field(default_factory=dict)  # SAME_LOAD by name, (T, 4)
-    uncertainty: FulcrumUncertainty | None = None  # of the fulcrum position
+    interval_mm: list[float] | None = None  # of the fulcrum position
+    interval_meaning: str = ""  # what it holds
+    worth: dict[str, Any] = field(default_factory=dict)  # of the cost's range: uncertainty, matters, sentence
     draws: list[Sweep] = field(default_factory=list)  # by draw of the contact
     draw_failures: list[str] = field(default_factory=list)  # why some could not be walked
     tasks: list[dict[str, Any]] = field(default_factory=list)  # this and the next two as the table has them
@@ -93,7 +95,7 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
 
     One of a tuning that failed says so with `optimal` false.
     """
-    tuning, best, known, swept = solution.tuning, solution.best, solution.uncertainty, solution.sweep
+    tuning, best, swept = solution.tuning, solution.best, solution.sweep
     searched, combination = solution.searched, tuning.combination
     terms = {name: float(term[0]) for name, term in best.terms.items()}
     whole = sum(map(abs, terms.values())) or 1.0  # terms of both signs may cancel
@@ -108,8 +110,7 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
         "format": FORMAT, "level": 1, "cost_name": tuning.cost_name, "cost_label": combination.label,
         "cost_unit": combination.unit, "optimal": solution.success, "status": solution.message,
         "fulcrum_mm": float(best.x[0]), "cost": best.cost, "at_bound": list(solution.at_bound),
-        "fulcrum_interval_mm": None if known is None else [known.low_mm, known.high_mm],
-        "interval_meaning": "" if known is None else known.meaning,
+        "fulcrum_interval_mm": solution.interval_mm, "interval_meaning": solution.interval_meaning,
         "design": [{"name": v.name, "unit": v.unit, "value": float(x), "low": v.low, "high": v.high,
                     "default": v.default} for v, x in zip(tuning.design, best.x, strict=True)],
         "terms": [{"name": name, "label": LABELS[name], "value": value, "share": value / whole}
@@ -134,13 +135,12 @@ def tuning_table(solution: TuningSolution) -> dict[str, Any]:
 
 def _outcomes(solution: TuningSolution) -> list[dict[str, Any]]:
     """Means over trials; `uncertainty`: standard deviation over repeated trials of an outcome's range."""
-    tuning, swept, known = solution.tuning, solution.sweep, solution.uncertainty
+    tuning, swept = solution.tuning, solution.sweep
     rows: list[dict[str, Any]] = []
-    if swept is not None and known is not None:
+    if swept is not None and solution.worth:
         rows.append({"name": "cost", "label": tuning.combination.label, "unit": tuning.combination.unit,
                      SOFTEST: float(swept.cost[0]), OPTIMUM: solution.best.cost, STIFFEST: float(swept.cost[-1]),
-                     RECORDED: tuning.own_cost, "uncertainty": known.spread, "matters": known.matters,
-                     "sentence": known.sentence})
+                     RECORDED: tuning.own_cost, **solution.worth})
     for name, each in (solution.compared.outcomes | solution.same_load if solution.compared else {}).items():
         label, unit = (KINDS | SAME_LOAD)[name]
         at = dict(zip(SETTINGS, each.mean(axis=0).tolist(), strict=True))

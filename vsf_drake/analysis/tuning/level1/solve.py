@@ -236,7 +236,7 @@ def _judge(found: TuningSolution, searched: Search, first: Search, run: Run) -> 
     run.stage = "draws of the contact"
     if options.draws:
         found.draws, found.draw_failures = drawn_sweeps(tuning, best.x, run.tell)
-    found.uncertainty = fulcrum_uncertainty(
+    found.interval_mm, found.interval_meaning, found.worth = fulcrum_uncertainty(
         fine, at_mm, found.draws, tuning.groups, size=size, unit=tuning.combination.unit,
         allowed_bw=options.consistency_bw, gain=(tuning.own_cost - best.cost) / size)
     found.tasks, found.pareto = tasks(fine, tuning.tasks, at_mm), pareto(tuning, fine)

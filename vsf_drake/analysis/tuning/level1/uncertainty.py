@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
@@ -32,18 +33,6 @@ from vsf_drake.simulation.walk import Walker
 FLAT = 0.01  # share of a cost's size below which a difference is none (a choice)
 FEWEST_FREEDOMS = 2  # degrees of freedom from which a t test is made: with one it allows anything
 CONFIDENCE = 0.975
-
-
-@dataclass(frozen=True)
-class FulcrumUncertainty:
-    """Of the best fulcrum position: its interval, and of the cost what `Difference` says."""
-
-    low_mm: float
-    high_mm: float
-    spread: float | None
-    matters: bool | None
-    meaning: str  # in words, what the interval holds
-    sentence: str  # and whether the setting matters
 
 
 @dataclass(frozen=True)
@@ -79,8 +68,10 @@ def difference(each: np.ndarray, groups: Sequence) -> Difference:
 def fulcrum_uncertainty(
     found: Sweep, fulcrum_mm: float, draws: Sequence[Sweep], groups: Sequence, *, size: float, unit: str,
     allowed_bw: float, gain: float
-) -> FulcrumUncertainty:
-    """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size.
+) -> tuple[list[float], str, dict[str, Any]]:
+    """The interval of the best position (mm), what it holds in words, and of the table's outcome "cost" how uncertain
+    its range is, whether it matters and the sentence; from the sweep of T trials of these groups, the optimum (mm), the
+    draws and the cost's size.
 
     Args:
         allowed_bw: change of force (body weights) beyond which nobody would walk the given motion.
@@ -106,7 +97,8 @@ def fulcrum_uncertainty(
                 by_draws=by_draws, allowed_bw=allowed_bw, near=believable if near.sum() > 1 else None,
                 near_range=difference(rest[:, near], groups).range, held=CONSISTENCY in found.terms, gain=gain,
                 flat_share=FLAT)
-    return FulcrumUncertainty(float(min(ends)), float(max(ends)), width.spread, matters, meaning[0], " ".join(worth))
+    return [float(min(ends)), float(max(ends))], meaning[0], {
+        "uncertainty": width.spread, "matters": matters, "sentence": " ".join(worth)}
 
 
 def flat_range(
