@@ -304,14 +304,11 @@ def plate_series(plate: PlateRecording, forward: np.ndarray,
 
 def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span: Span, start_s: float,
                period_s: float, advance_m: float, unknown: Sequence[Span] = ()) -> FootForce:
-    """What one foot's plate says of a stride.
+    """What one foot's plate says of a stride that begins at `start_s` on its clock and goes along `forward` (2,).
 
-    Args:
-        forward: (2,) unit vector along the way of walking in the floor.
-        record: for which time the motion was recorded, s: outside, nobody knows whether the foot stands on the plate.
-        span: the part of it that makes the stride; the rest serves where there is nothing else.
-        start_s: of phase 0 on the plate's clock. unknown: spans (s) in which the foot stands on no plate though the
-            record says zero.
+    The motion was recorded in `record`: outside, nobody knows whether the foot stands on the plate. Its part `span`
+    makes the stride; the rest serves where there is nothing else. In the spans `unknown` the foot stands on no plate
+    though that says zero.
     """
     count = max(2, round(period_s / GRID_S))
     grid = np.linspace(0.0, period_s, count + 1)

@@ -373,10 +373,8 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
     itself with the least squares of the differences of all angles, of their rates and of the forces, each over its
     own spread. InputError where the recording holds no whole stride, or does not repeat itself.
 
-    Args:
-        time_s: (n,) s. motion: (n, m) joint angles, rad.
-        forces: times (j,) s and forces (j, 2) N of each foot; NaN where a force is not known.
-        loaded: stances on the plates by FEET. moved: the same by the feet's motion.
+    Of joint angles (n, m) rad at (n,) s; times (j,) s and forces (j, 2) N of each foot, NaN where not known; stances by
+    FEET as the plates (`loaded`) and as the motion tell them.
     """
     alike = _Alike(time_s, motion, forces)
 

@@ -47,10 +47,8 @@ class StrideTuning:
         trials: one trial with its fitted contact applied; the stride is the one around its prosthetic stance.
         cost: of `common.COSTS` or WEIGHTED.
 
-    Raises:
-        InputError: there is not exactly one trial; the cost is none; the recording holds no whole stride, or no plate
-            of the prosthetic foot; the prosthesis is turned out of the sagittal plane; the range of the fulcrum is
-            out of the carriage's reach.
+    InputError: there is not exactly one trial; the recording holds no whole stride, or no plate of the prosthetic foot;
+    the prosthesis is turned out of the sagittal plane; the range of the fulcrum is out of the carriage's reach.
     """
 
     def __init__(

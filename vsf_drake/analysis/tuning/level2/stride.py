@@ -398,15 +398,11 @@ def quasi_static_motion(
     model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, p: np.ndarray, rates: sp.spmatrix,
     smoothing: Smoothing, *, start: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """w, u (12, N) of a motion q, v, a (8, N) with the design p (4,).
+    """w, u (12, N) of a motion q, v, a (8, N) with the design p (4,), from the first guess `start` (12, N) or zeros on;
+    SimulationError where Newton's method finds no balance, with the instant and coordinate that lack most.
 
-    Args:
-        rates: (N, N) sparse, u = rates w over the instants. It must not look ahead only, as a one-sided difference
-            at the first instant does: a damper would push; let a motion that is not periodic begin with a row of 0.
-        start: (12, N) first guess; zeros by default.
-
-    Raises:
-        SimulationError: Newton's method finds no balance, with the instant and coordinate that lack most.
+    u = rates w over the instants, rates (N, N) sparse. It must not look ahead only, as a one-sided difference at the
+    first instant does: a damper would push; let a motion that is not periodic begin with a row of 0.
     """
     k, N = len(model.quasi_static), q.shape[1]
     w = np.zeros((k, N)) if start is None else np.array(start)

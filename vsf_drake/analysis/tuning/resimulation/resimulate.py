@@ -76,12 +76,6 @@ class FeedbackUse:
     hand_percent_bw: float  # root mean square of the force of a hand at the pelvis; 0 without a hand
     hand_moment_nm: float  # the same of its moment
 
-    def sentences(self) -> list[str]:
-        """What it took, in words."""
-        joint, peak = max(self.feedback_peak.items(), key=lambda item: item[1])
-        return say("resimulation", "feedback", use=self, used=peak > 0.0 or self.hand_percent_bw > 0.0, joint=joint,
-                   peak=peak)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resimulation:
@@ -118,15 +112,11 @@ class Resimulation:
             raise SimulationError(f"the {self.label} fell: {self.why}", time_s=self.fell_after_s)
 
     def difference(self, foot: str, *, over: str = STRIDE, filtered: bool = True) -> ForceDifference:
-        """From the solution's force on a foot, "prosthetic" or "intact", each instant by the time that it stands for.
+        """From the solution's force on a foot, "prosthetic" or "intact", each instant by the time that it stands for;
+        SimulationError where the person fell.
 
-        Args:
-            over: "stride", all instants that count, or "stance", those of them where either carries the foot (20 N).
-            filtered: whether the re-simulation was low-passed at 40 Hz before; the solution never is, because its
-                instants are too far apart for that.
-
-        Raises:
-            SimulationError: the person fell.
+        Over "stride" all instants count, over "stance" those of them where either carries the foot (20 N). `filtered`:
+        the re-simulation is low-passed at 40 Hz; the solution never is, as its instants are too far apart for that.
         """
         self.check()
         weights = np.gradient(self.trajectory.time_s)
@@ -162,7 +152,11 @@ class Resimulation:
 
     def sentences(self) -> list[str]:
         """What it found, in words."""
-        helped = [] if self.feedback is None else self.feedback.sentences()
+        helped, use = [], self.feedback
+        if use is not None:
+            joint, peak = max(use.feedback_peak.items(), key=lambda item: item[1])
+            helped = say("resimulation", "feedback", use=use, used=peak > 0.0 or use.hand_percent_bw > 0.0, joint=joint,
+                         peak=peak)
         if self.fell:
             return [*say("resimulation", "fell", run=self), *helped]
         t, over = self.trajectory, [self.difference(foot) for foot in FEET]
@@ -180,12 +174,8 @@ def _assess(
     walker: Walker, walk: Walk, trajectory: SagittalTrajectory, record: Record, *, kind: str, shift_s: float = 0.0,
     fell_s: float | None = None, why: str = "", feedback: FeedbackUse | None = None
 ) -> Resimulation:
-    """Lays a run of the mechanism of `walk`, or what there is of it, beside the solution.
-
-    Args:
-        shift_s: by how much its clock is ahead of the solution's where strides are repeated: a whole number of periods.
-        fell_s: until when it counts; None to its end.
-    """
+    """Lays a run of the mechanism of `walk`, or what there is of it, beside the solution: until `fell_s`, if that is
+    given, its clock ahead of the solution's by `shift_s`, a whole number of periods."""
     time, instants = record.time_s, np.asarray(trajectory.time_s, dtype=float) + shift_s
     first, last = trajectory.first_counted_s + shift_s, time[-1] if fell_s is None else min(fell_s, time[-1])
     counted = (instants >= max(first, time[0]) - 1e-9) & (instants <= last + 1e-9)
@@ -220,15 +210,10 @@ def _assess(
 def resimulate_prescribed(
     walker: Walker, trajectory: SagittalTrajectory, *, step_s: float = DEFAULT_STEP_S
 ) -> Resimulation:
-    """Follows the solution's motion and compares the ground reaction.
+    """Follows the solution's motion and compares the ground reaction; SimulationError where the model cannot follow it.
 
     A periodic solution is walked `LEAD` of a period ahead; the whole period after that counts. Of another all but the
     first `TRANSIENT_S` counts.
-
-    Raises:
-        InputError: the trajectory is of another person's coordinates; a value is out of range; a coordinate of `walker`
-            is free.
-        SimulationError: the run diverges: the model cannot follow this motion.
     """
     walk = walk_prescribed(walker, trajectory, step_s=step_s)
     return _assess(walker, walk, trajectory, walk.record, kind=PRESCRIBED)
@@ -271,10 +256,8 @@ def resimulate_with_feedback(
         hand: whether a force and a moment at the pelvis may help, which is not walking; what they come to is reported.
         push: (8,) rad/s, m/s, by which the velocities at the start are off, to see whether the feedback copes.
 
-    Raises:
-        InputError: the trajectory is of another person's coordinates.
-        SimulationError: the model cannot follow the motion even where it is prescribed.
-        FitError: no feedback stabilises the linearised stride.
+    SimulationError: the model cannot follow the motion even where it is prescribed. FitError: no feedback stabilises
+    the linearised stride.
     """
     strides, period = strides if trajectory.periodic else 1, trajectory.period_s
     walk = walk_prescribed(walker, trajectory, step_s=step_s)
@@ -338,15 +321,11 @@ def drive(
     walk: Walk, names: Sequence[str], *, time_s: np.ndarray, feedforward: np.ndarray, gains: np.ndarray,
     states: np.ndarray, q0: np.ndarray, v0: np.ndarray
 ) -> Driven:
-    """Runs the mechanism of `walk` with `names` free and what was prescribed beside them at rest.
+    """Runs the mechanism of `walk` with `names` free and what was prescribed beside them at rest; SimulationError where
+    the first step fails.
 
-    Args:
-        time_s: (n + 1,). feedforward: (n, 8). gains: (n, 8, 16). states: (n, 16) at the start of each step, to which
-            the feedback -gains (state - states) compares.
-        q0, v0: (coordinates,) of the whole model at the start.
-
-    Raises:
-        SimulationError: the first step fails.
+    time_s (n + 1,), feedforward (n, 8), gains (n, 8, 16); states (n, 16) at the start of each step, to which the
+    feedback -gains (state - states) compares; q0, v0 of all coordinates at the start.
     """
     mechanism, tree = walk.mechanism, walk.mechanism.tree
     moving = np.array([tree.index(name) for name in names], dtype=np.int64)
@@ -411,13 +390,9 @@ follows a tracked stride more closely (1.9 against 2.9 % of body weight), but do
 def regulator(
     A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, *, periodic: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gains K (N, m, n) and the cost-to-go (n, n) at the first step.
-
-    Args:
-        A: (N, n, n). B: (N, n, m). Q: (n, n), R: (m, m), the same at every step.
-        periodic: whether the last step is followed by the first; else by nothing, at a cost of Q. FitError where no
-            feedback keeps the cost of a periodic system finite, or it does not settle.
-    """
+    """Gains K (N, m, n) and the cost-to-go (n, n) at the first step, of A (N, n, n), B (N, n, m), and Q, R that are the
+    same at every step; the last step is followed by the first (`periodic`), or by nothing, at a cost of Q. FitError
+    where no feedback keeps the cost of a periodic system finite, or it does not settle."""
     P, K = Q.copy(), np.zeros((len(A), B.shape[2], A.shape[1]))
     for _ in range(MOST_PERIODS if periodic else 1):
         before = P

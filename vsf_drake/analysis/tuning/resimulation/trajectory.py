@@ -120,13 +120,8 @@ def whole_motion(motion: SolutionMotion, names: Sequence[str], start_s: float, e
 def design_values(
     walker: Walker, *, heel_stiffness: float = 1.0, alignment_rad: float = 0.0, keel_thickness: float = 1.0
 ) -> dict[str, float]:
-    """Values for `Walker.walk` with which the full model has the device of `simulation.sagittal.model.DESIGN`.
-
-    Args:
-        heel_stiffness: of the heel's zones over the walker's.
-        alignment_rad: turn of the foot, toes up, beyond the offsets.
-        keel_thickness: over the walker's; see `level1.options.device_values`.
-    """
+    """Values for `Walker.walk` with which the full model has the device of `simulation.sagittal.model.DESIGN`: heel and
+    keel over the walker's (see `level1.options.device_values`), the foot's turn, toes up, beyond the offsets."""
     values: dict[str, float] = {}
     for name, x, own in (("heel_stiffness", heel_stiffness, 1.0), ("alignment", alignment_rad, 0.0),
                          ("keel_thickness", keel_thickness, 1.0)):
@@ -136,16 +131,14 @@ def design_values(
 
 
 def solved_trajectory(
-    solution: TrajectorySolution, walker: Walker, *, values: Mapping[str, float] | None = None,
-    offsets: GeometricOffsets | None = None
+    solution: TrajectorySolution, walker: Walker, *, offsets: GeometricOffsets | None = None
 ) -> SagittalTrajectory:
     """Motion, torques and ground reaction of a solution, with its fulcrum and its device; FitError where it is none.
 
     Args:
         solution: of a problem whose function has the outputs torque_COORDINATE and FOOT_fx, FOOT_fz of
             `SagittalModel`, and the parameters `DESIGN`.
-        walker: whose device the design multiplies.
-        values, offsets: of the walk, as the sagittal model was made with them.
+        walker: whose device the design multiplies. offsets: of the walk, as the sagittal model was made with them.
     """
     problem, y = solution.problem, solution.y()
     layout, grid, names = problem.layout, problem.grid, list(problem.function.names)
@@ -165,4 +158,4 @@ def solved_trajectory(
         time_s=closed(grid.times_s, grid.duration_s), names=coordinates, q=closed(q, problem.advance), v=closed(v),
         a=closed(a), torque=columns(*(f"torque_{name}" for name in coordinates[len(PELVIS):])), **period,
         grf={foot: columns(f"{foot}_fx", f"{foot}_fz") for foot in FEET}, fulcrum_m=design.pop("fulcrum_m"),
-        values=dict(values or {}) | design_values(walker, **design), offsets=offsets or GeometricOffsets())
+        values=design_values(walker, **design), offsets=offsets or GeometricOffsets())
