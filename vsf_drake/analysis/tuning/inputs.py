@@ -57,7 +57,8 @@ class TuningTrials:
 
 def embedded_tuning_trials(*, level: int, quick: bool = False) -> tuple[Path, ...]:
     """Manifests of synthetic trials that ship with the package: walks at the middle setting, of the laboratory tier,
-    three for level 1, whose repetition tells what a difference is worth; one if `quick`, and for level 2."""
+    three for level 1, whose repetition tells what a difference is worth; one if `quick`, and for level 2. Motions that
+    were walked at several settings make no good person to begin with: each belongs to its own setting."""
     every = embedded_trials(quick=quick or level > 1)
     return tuple(path for path in every if path.stem.startswith(f"{SETTINGS[1]}_"))
 
