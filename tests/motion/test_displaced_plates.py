@@ -46,6 +46,13 @@ def test_force_down_or_sideways_is_refused():
         assign(*(dataclasses.replace(p, force_n=p.force_n[:, [2, 1, 0]]) for p in everywhere()))
 
 
+def test_force_that_is_no_number_is_refused_with_its_sample():
+    force = everywhere()[0].force_n.copy()
+    force[4, 1] = np.nan
+    with pytest.raises(InputError, match="plate R0: the force of sample 5 is not a finite number"):
+        assign(dataclasses.replace(everywhere()[0], force_n=force))
+
+
 def test_no_plates_or_empty_plates_are_refused():
     with pytest.raises(InputError, match="has no force plates"):
         assign()

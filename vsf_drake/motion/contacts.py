@@ -168,7 +168,8 @@ def _check_upward(plate: Plate, file: Path) -> None:
     """Files are turned upright when they are read; a recording that a program made may not be."""
     where = f"plate {plate.name}"
     if not np.isfinite(plate.force_n).all():
-        raise InputError("its force is not finite", file=file, where=where)
+        row = int(np.argwhere(~np.isfinite(plate.force_n))[0][0])
+        raise InputError(f"the force of sample {row + 1} is not a finite number", file=file, where=where)
     size = np.linalg.norm(plate.force_n, axis=1)
     if size.max(initial=0.0) < MINIMUM_PEAK_N:
         return
