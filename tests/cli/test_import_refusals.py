@@ -65,6 +65,7 @@ def test_gap_too_long_to_fill_names_marker_and_interval(run, laboratory, tmp_pat
         (("--hip", "guess"), "guess"),
         (("--window", "2", "1"), "window"),
         (("--cutoff-hz", "80"), "80"),
+        (("--belt-speed-m-per-s", "nan"), "--belt-speed-m-per-s"),
         (("--subject", "none.yaml"), "--subject"),
     ],
 )

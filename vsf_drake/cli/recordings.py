@@ -22,7 +22,7 @@ from vsf_drake.cli.app import (
     read_trials,
     say,
 )
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, require
 
 
 @app.command("import")
@@ -83,6 +83,8 @@ def import_trials(
     if subject is not None and facts:
         option = f"--{next(iter(facts)).replace('_', '-')}"
         raise InputError("is given beside a file that says it", where=option, right="Write it into the --subject file")
+    require(abs(belt_speed_m_per_s) <= 5.0, f"{belt_speed_m_per_s:g} m/s is no speed of a belt", "--belt-speed-m-per-s",
+            "It must be between -5 and 5 m/s")
     person, stated = (PersonFacts(**facts), {}) if subject is None else load_stated_subject(subject)
     IMPORT.check(out)
     options = IntakeOptions(
