@@ -12,8 +12,9 @@ from typing import Any, Self
 from vsf_drake.errors import InputError, VsfError, interrupted_lately, note_interruption
 
 RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
-ORDER = ("bench", "simulate", "validate", "report", "import", "check", "sweep", "fit", "tune", "schedule", "show",
-         "export", "stand")
+ORDER = {name: place for place, name in enumerate((
+    "bench", "simulate", "validate", "report", "import", "check", "sweep", "fit", "tune", "schedule", "show", "export",
+    "stand"))}
 """Of the commands in --help, as in the README."""
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
@@ -35,7 +36,7 @@ def _ended(signals: _Signals) -> int | str | None:
         from vsf_drake.cli import device, fit, recordings, study, sweep, tune  # noqa: F401
         from vsf_drake.cli.app import app
 
-        app.registered_commands.sort(key=lambda command: ORDER.index(command.name or command.callback.__name__))
+        app.registered_commands.sort(key=lambda each: ORDER.get(each.name or each.callback.__name__, len(ORDER)))
         app()
     except (SystemExit, KeyboardInterrupt) as ended:
         signals.answer_no_more()
