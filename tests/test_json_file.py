@@ -1,10 +1,13 @@
 """JSON of anybody: what is no table of finite numbers and text is refused."""
 
+from dataclasses import dataclass
+from typing import Literal
+
 import pytest
 
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
-from vsf_drake.files import read_json, write_json
+from vsf_drake.files import plain, read_json, record, write_json
 from vsf_drake.report.results_folder import ResultsFolder
 
 
@@ -26,3 +29,35 @@ def test_a_table_comes_back(tmp_path):
     table = {"a": [1, 0.1 + 0.2, None, True], "ä": {"b": "x\ny", "c": 10**60}}
     write_json(tmp_path / "a.json", table)
     assert read_json(tmp_path / "a.json") == table
+
+
+@dataclass(frozen=True)
+class Inner:
+    value: float
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Outer:
+    inner: Inner
+    rows: list[Inner]
+    by_name: dict[str, float | None]
+    way: Literal["load", "motion"]
+    limits: tuple[float, int] | None = None
+
+
+MADE = Outer(inner=Inner(1.5, ("a",)), rows=[Inner(2.0)], by_name={"x": None, "y": 0.5}, way="load", limits=(1.0, 2))
+
+
+def test_a_record_comes_back_from_a_file(tmp_path):
+    write_json(tmp_path / "a.json", plain(MADE))
+    assert record(Outer, read_json(tmp_path / "a.json")) == MADE
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"inner": {}}, r"^inner\.value is missing"), ({"rows": [{"value": "1"}]}, r"^rows\[0\]\.value is '1', not float"),
+    ({"by_name": {"x": True}}, r"^by_name\.x is 'True'"), ({"way": "up"}, "^way is 'up'"),
+    ({"limits": [1.0]}, "^limits is"), ({"inner": 3}, "^inner is no table")])
+def test_what_a_record_cannot_be_made_of_is_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        record(Outer, plain(MADE) | change)

@@ -7,7 +7,9 @@ and what is not numbers and text is refused.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import fcntl
+import functools
 import glob
 import hashlib
 import json
@@ -20,16 +22,19 @@ import socket
 import stat
 import struct
 import time
+import types
+import typing
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeVar
 
 import numpy as np
 
 from vsf_drake.errors import UNPRINTABLE, InputError
 
+T = TypeVar("T")
 _FORMULA = re.compile(r"[=@\t\r]|[-+](?![0-9.]+(e[-+]?[0-9]+)?$)")
 _SHOWN = 60  # characters of a path that cannot be one, in messages
 _PACKAGE = Path(__file__).resolve().parent
@@ -219,7 +224,12 @@ _MOST_DIGITS = 99
 
 
 def plain(value: Any) -> Any:
-    """`value` as dicts, lists and scalars that JSON knows; a number that is not finite becomes None."""
+    """`value` as dicts, lists and scalars that JSON knows; a number that is not finite becomes None.
+
+    A dataclass becomes a dict of its fields in their order; `record` makes it again.
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
@@ -227,6 +237,55 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return plain(value.item())
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def record(kind: type[T], values: Any, *, where: str = "") -> T:
+    """The dataclass that `plain` turned into `values`; keys that it does not know are left out.
+
+    ValueError, with the place `where` the value stands: it is missing, or not of the type of its field.
+    """
+    if not isinstance(values, Mapping):
+        raise ValueError(f"{where or kind.__name__} is no table")
+    hints, given = _field_types(kind), {}
+    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+        if field.name in values:
+            given[field.name] = _typed(hints[field.name], values[field.name], f"{where}{'.' * bool(where)}{field.name}")
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise ValueError(f"{where}{'.' * bool(where)}{field.name} is missing")
+    return kind(**given)
+
+
+@functools.cache
+def _field_types(kind: type) -> dict[str, Any]:
+    return typing.get_type_hints(kind)
+
+
+def _typed(hint: Any, value: Any, where: str) -> Any:  # noqa: PLR0911 (one return a kind of type)
+    """`value` as its field has it: records, tuples and dicts of them, numbers, text, None where that is allowed."""
+    kind, parts = typing.get_origin(hint) or hint, typing.get_args(hint)
+    if hint is Any or (value is None and type(None) in parts):
+        return value
+    if kind in (types.UnionType, typing.Union):
+        for part in (part for part in parts if part is not type(None)):
+            with contextlib.suppress(ValueError):
+                return _typed(part, value, where)
+    elif kind is typing.Literal:
+        if value in parts:
+            return value
+    elif isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        return record(kind, value, where=where)
+    elif isinstance(kind, type) and issubclass(kind, Mapping) and isinstance(value, Mapping):
+        return {name: _typed(parts[1] if parts else Any, item, f"{where}.{name}") for name, item in value.items()}
+    elif kind in (list, tuple, Sequence) and isinstance(value, (list, tuple)):
+        hints = parts if kind is tuple and parts[-1] is not Ellipsis else (parts[0] if parts else Any,) * len(value)
+        if len(hints) == len(value):
+            made = [_typed(own, item, f"{where}[{i}]") for i, (own, item) in enumerate(zip(hints, value, strict=True))]
+            return made if kind is list else tuple(made)
+    elif kind is float and type(value) in (int, float):
+        return float(value)
+    elif type(value) is kind:
+        return value
+    raise ValueError(f"{where} is {str(value)[:_SHOWN]!r}, not {getattr(hint, '__name__', hint)}")
 
 
 def write_json(path: str | Path, values: Mapping[str, Any], *, sort: bool = True) -> None:
