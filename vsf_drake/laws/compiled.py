@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, Protocol, TypeVar
 
 import numba
 import numpy as np
@@ -35,6 +35,22 @@ KEPT = 4
 _PACKAGE = Path(__file__).resolve().parents[1]
 _settings: Any = numba.config  # whose attributes it makes at the import
 _lock = threading.Lock()
+_P = ParamSpec("_P")
+_R = TypeVar("_R", covariant=True)
+
+
+class Compiled(Protocol[_P, _R]):
+    """A compiled function; its annotations are for readers and the type check, numba looks at the values."""
+
+    @property
+    def py_func(self) -> Callable[_P, _R]:
+        """The function as it was written."""
+
+    @property
+    def signatures(self) -> list[tuple[Any, ...]]:
+        """Types of the arguments with which it has been compiled."""
+
+    def __call__(self, *args: _P.args, **kwargs: _P.kwargs) -> _R: ...
 
 
 def sources_sha256(package: Path, parts: Iterable[str]) -> str:
@@ -47,24 +63,27 @@ def sources_sha256(package: Path, parts: Iterable[str]) -> str:
     return found.hexdigest()
 
 
-def compiled(function: Callable[..., Any], **options: Any) -> Any:
+def compiled(function: Callable[_P, _R], **options: Any) -> Compiled[_P, _R]:
     """For functions that Python calls too. `options` are numba's."""
+    jitted: Compiled[_P, _R]
     options["error_model"] = "numpy"
     if _FOLDER and _unchanged(function.__code__.co_filename):
         with _lock:
             users, _settings.CACHE_DIR = _settings.CACHE_DIR, _FOLDER  # is read when a function is decorated
             try:
-                kept = numba.njit(cache=True, **options)(function)
+                on_disk = numba.njit(cache=True, **options)(function)
             except RuntimeError:  # numba has found no folder to keep it in
-                kept = None
+                on_disk = None
             finally:
                 _settings.CACHE_DIR = users
-        if kept is not None and str(kept.stats.cache_path).startswith(_FOLDER):
-            return kept
-    return numba.njit(**options)(function)
+        if on_disk is not None and str(on_disk.stats.cache_path).startswith(_FOLDER):
+            jitted = on_disk
+            return jitted
+    jitted = numba.njit(**options)(function)
+    return jitted
 
 
-def internal(function: Callable[..., Any]) -> Any:
+def internal(function: Callable[_P, _R]) -> Compiled[_P, _R]:
     """For functions that only compiled ones call, which take half the time to compile: calling one from Python ends
     the interpreter."""
     return compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
