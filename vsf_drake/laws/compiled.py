@@ -36,21 +36,21 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _settings: Any = numba.config  # whose attributes it makes at the import
 _lock = threading.Lock()
 _P = ParamSpec("_P")
-_R = TypeVar("_R", covariant=True)
+_R_co = TypeVar("_R_co", covariant=True)
 
 
-class Compiled(Protocol[_P, _R]):
+class Compiled(Protocol[_P, _R_co]):
     """A compiled function; its annotations are for readers and the type check, numba looks at the values."""
 
     @property
-    def py_func(self) -> Callable[_P, _R]:
+    def py_func(self) -> Callable[_P, _R_co]:
         """The function as it was written."""
 
     @property
     def signatures(self) -> list[tuple[Any, ...]]:
         """Types of the arguments with which it has been compiled."""
 
-    def __call__(self, *args: _P.args, **kwargs: _P.kwargs) -> _R: ...
+    def __call__(self, *args: _P.args, **kwargs: _P.kwargs) -> _R_co: ...
 
 
 def sources_sha256(package: Path, parts: Iterable[str]) -> str:
@@ -63,9 +63,9 @@ def sources_sha256(package: Path, parts: Iterable[str]) -> str:
     return found.hexdigest()
 
 
-def compiled(function: Callable[_P, _R], **options: Any) -> Compiled[_P, _R]:
+def compiled(function: Callable[_P, _R_co], **options: Any) -> Compiled[_P, _R_co]:
     """For functions that Python calls too. `options` are numba's."""
-    jitted: Compiled[_P, _R]
+    jitted: Compiled[_P, _R_co]
     options["error_model"] = "numpy"
     if _FOLDER and _unchanged(function.__code__.co_filename):
         with _lock:
@@ -83,7 +83,7 @@ def compiled(function: Callable[_P, _R], **options: Any) -> Compiled[_P, _R]:
     return jitted
 
 
-def internal(function: Callable[_P, _R]) -> Compiled[_P, _R]:
+def internal(function: Callable[_P, _R_co]) -> Compiled[_P, _R_co]:
     """For functions that only compiled ones call, which take half the time to compile: calling one from Python ends
     the interpreter."""
     return compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
