@@ -246,7 +246,8 @@ def record(kind: type[T], values: Any, *, where: str = "") -> T:
     """
     if not isinstance(values, Mapping):
         raise ValueError(f"{where or kind.__name__} is no table")
-    hints, given = _field_types(kind), {}
+    hints: dict[str, Any] = _field_types(kind)  # type: ignore[arg-type] # functools.cache asks for Hashable
+    given = {}
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
         if field.name in values:
             given[field.name] = _typed(hints[field.name], values[field.name], f"{where}{'.' * bool(where)}{field.name}")

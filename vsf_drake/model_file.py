@@ -96,7 +96,8 @@ def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
 
 def secant_stiffness(stiffness: float, exponent: float, load_n: float) -> float:
     """Force over depth (N/m) of a foam that bears stiffness * depth**exponent, under `load_n`."""
-    return stiffness ** (1.0 / exponent) * load_n ** (1.0 - 1.0 / exponent)
+    secant: float = stiffness ** (1.0 / exponent) * load_n ** (1.0 - 1.0 / exponent)
+    return secant
 
 
 def spheres_under_load(foot: FootParameters) -> list[tuple[ContactZone, float]]:

@@ -77,7 +77,8 @@ class Dumper(yaml.SafeDumper):
 
 def dump(values: Any, **layout: Any) -> str:
     """Plain `values` as YAML, keys in their order; `layout` is PyYAML's."""
-    return yaml.dump(values, Dumper=Dumper, sort_keys=False, allow_unicode=True, **layout)
+    text: str = yaml.dump(values, Dumper=Dumper, sort_keys=False, allow_unicode=True, **layout)
+    return text
 
 
 class _Loader(yaml.SafeLoader):
@@ -92,7 +93,7 @@ class _Loader(yaml.SafeLoader):
         """Of finished nodes with an anchor and without aliases, by their id."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        event = self.peek_event()
+        event = self.peek_event()  # type: ignore[no-untyped-call] # types-PyYAML leaves it out
         if isinstance(event, yaml.AliasEvent):
             node = super().compose_node(parent, index)
             self._refuse(event, id(node) not in self._sizes, "an alias stands for what holds an alias or itself")

@@ -36,7 +36,8 @@ def _ended(signals: _Signals) -> int | str | None:
         from vsf_drake.cli import device, fit, recordings, study, sweep, tune  # noqa: F401
         from vsf_drake.cli.app import app
 
-        app.registered_commands.sort(key=lambda each: ORDER.get(each.name or each.callback.__name__, len(ORDER)))
+        app.registered_commands.sort(
+            key=lambda each: ORDER.get(str(each.name or getattr(each.callback, "__name__", "")), len(ORDER)))
         app()
     except (SystemExit, KeyboardInterrupt) as ended:
         signals.answer_no_more()

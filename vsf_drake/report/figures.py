@@ -13,13 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vsf_drake.analysis.bench_metrics import (
-    STIFFNESS_ABOVE_N,
-    closed_form_stiffness,
-    displacement,
-    published_stiffness,
-)
+from vsf_drake.analysis.bench_metrics import closed_form_stiffness, displacement, published_stiffness
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
+from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.report.style import (
     HEEL_COLOUR,

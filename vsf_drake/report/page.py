@@ -109,7 +109,7 @@ class Chapter:
 
     Its template shows what it is given with
     `{% call table("errors", rows, (("error_n", "error (N)", "{:.1f}"), ...)) %}caption{% endcall %}`: the stem
-    of the table's CSV file, its values by key (a row whose `met` is False is marked), and each column as
+    of the table's CSV file, its rows, records or mappings (one whose `met` is False is marked), and each column as
     `Column` has it,
     `{% call figure("force", alt="the finding in words and numbers") %}caption{% endcall %}` and
     `{% call missing() %}what is not there, and why{% endcall %}`.
@@ -161,23 +161,24 @@ class ShownChapter:
         """What is not there: also told to who made the page."""
         text = _one_line(text, caller)
         self.missing.append(text.striptags() if isinstance(text, Markup) else text)
-        return _macros.absent(text)
+        absent: Markup = _macros.absent(text)
+        return absent
 
-    def _table(self, name: str, rows: Sequence[Mapping[str, Any]], columns: Iterable[Sequence[Any]],
+    def _table(self, name: str, rows: Sequence[object], columns: Iterable[Sequence[Any]],
                caller: Callable[[], str] | None = None) -> Markup:
-        made = [Column(*column) for column in columns]
+        shown_columns = [Column(*column) for column in columns]
 
         def make() -> Markup:
-            shown: Markup = _macros.table(
-                [column.heading for column in made], [[cell(column, row.get(column.key)) for column in made]
-                                                      for row in rows],
-                _one_line("", caller), right=[bool(column.form) for column in made],
-                unmet=[i for i, row in enumerate(rows) if row.get("met") is False])
+            values = [[_value(row, column.key) for column in shown_columns] for row in rows]
+            table: Markup = _macros.table(
+                [column.heading for column in shown_columns],
+                [[cell(column, value) for column, value in zip(shown_columns, row, strict=True)] for row in values],
+                _one_line("", caller), right=[bool(column.form) for column in shown_columns],
+                unmet=[i for i, row in enumerate(rows) if _value(row, "met") is False])
             if self._folder is not None:
                 self.files.add(path := Path(TABLES) / f"{name}.csv")
-                write_csv(self._folder / path, [column.key for column in made],
-                          ([row.get(column.key) for column in made] for row in rows))
-            return shown
+                write_csv(self._folder / path, [column.key for column in shown_columns], values)
+            return table
 
         return self._tried(f"the table {name}", make)
 
@@ -206,8 +207,9 @@ def chapter_page(
         folder: an existing one, for the files of figures and tables.
         lenient: whether what cannot be shown is named in its place instead of raising: of another version, or edited.
     """
-    for name in (FIGURES, TABLES) if folder is not None else ():
-        (folder / name).mkdir(exist_ok=True)  # type: ignore[operator]
+    if folder is not None:
+        for name in (FIGURES, TABLES):
+            (folder / name).mkdir(exist_ok=True)
     shown = [ShownChapter(chapter, folder, lenient=lenient) for chapter in chapters]
     return render("chapters.html.j2", title=title, first_line=first_line, synthetic=synthetic, links=links or {},
                   alarm=alarm, chapters=shown), shown
@@ -225,6 +227,11 @@ def cell(column: Column, value: Any) -> str:
     """A value of a table as the page shows it."""
     return number(value, column.form, column.scale) if column.form else UNKNOWN if value is None else (
         said(value) if isinstance(value, bool) else str(value))
+
+
+def _value(row: object, key: str) -> Any:
+    """What a row, a record or a mapping, has under this name; None if it has not."""
+    return row.get(key) if isinstance(row, Mapping) else getattr(row, key, None)
 
 
 def _one_line(text: str, caller: Callable[[], str] | None = None) -> str:

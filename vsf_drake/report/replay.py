@@ -23,7 +23,17 @@ from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.person import add_person
 from vsf_drake.plants.visuals import SITE_NAME, SPHERE, add_visuals
-from vsf_drake.report.show.drawing import ASPECT, ENDLESS, FIELD_OF_VIEW_DEG, RGB, add_arrow, finish_page, open_meshcat
+from vsf_drake.report.show.drawing import (
+    ASPECT,
+    ENDLESS,
+    FIELD_OF_VIEW_DEG,
+    RGB,
+    add_arrow,
+    columns,
+    finish_page,
+    open_meshcat,
+    shifted,
+)
 from vsf_drake.report.style import condition_label
 from vsf_drake.schema import from_plain
 from vsf_drake.simulation.results import WalkResult
@@ -92,6 +102,7 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: Frames) -> Meshca
         bodies[body.name()] = body
         path = f"{WALK}/{body.name()}/{inspector.GetName(geometry).rpartition('::')[2]}"
         colour = inspector.GetIllustrationProperties(geometry).GetProperty("phong", "diffuse")
+        assert isinstance(colour, Rgba)
         meshcat.SetObject(path, inspector.GetShape(geometry), colour)
         meshcat.SetTransform(path, inspector.GetPoseInFrame(geometry))
     context = plant.CreateDefaultContext()
@@ -132,7 +143,7 @@ def _record_force(meshcat: Meshcat, animation: MeshcatAnimation, name: str, colo
         along = RotationMatrix.MakeFromOneVector(force.force_W[i], 2)
         animation.SetTransform(i, f"{path}/arrow", RigidTransform(along, force.cop_W[i]))
         animation.SetProperty(i, f"{path}/arrow/shaft", "scale", [1.0, 1.0, max(length - _HEAD_LENGTH_M, 0.01)])
-        animation.SetTransform(i, f"{path}/arrow/head", RigidTransform([0.0, 0.0, length]))
+        animation.SetTransform(i, f"{path}/arrow/head", shifted(0.0, 0.0, length))
         dot = f"{path}/trace/{i}"
         meshcat.SetObject(dot, Sphere(_TRACE_RADIUS_M), paint)
         meshcat.SetTransform(dot, RigidTransform(force.cop_W[i]))
@@ -148,11 +159,12 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: Frames) -> None:
     size, middle = high - low, 0.5 * (low + high)
     for name in ("/Grid", "/Axes"):
         meshcat.SetProperty(name, "visible", False)
-    meshcat.SetObject(f"{GROUND}/plane", Box(*size, 0.002), Rgba(0.80, 0.82, 0.80, 0.55))
-    meshcat.SetTransform(f"{GROUND}/plane", RigidTransform([*middle, -0.002]))
+    meshcat.SetObject(f"{GROUND}/plane", Box(float(size[0]), float(size[1]), 0.002), Rgba(0.80, 0.82, 0.80, 0.55))
+    meshcat.SetTransform(f"{GROUND}/plane", shifted(middle[0], middle[1], -0.002))
     for name, spacing, shade in (("fine", 0.1, 0.62), ("coarse", 0.5, 0.30)):
         start, end = _grid(low, high, spacing)
-        meshcat.SetLineSegments(f"{GROUND}/{name}", start, end, 1.0, Rgba(shade, shade, shade, 1.0))
+        meshcat.SetLineSegments(f"{GROUND}/{name}", columns(start.T), columns(end.T), 1.0,
+                                Rgba(shade, shade, shade, 1.0))
     forward = walking_direction(result)
     side = np.array([-forward[1], forward[0]]) * (1.0 if result.side == "left" else -1.0)
     length = float(np.linalg.norm(np.ptp(path, axis=0)))
@@ -161,16 +173,16 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: Frames) -> None:
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
     centre = 0.5 * (path.min(axis=0) + path.max(axis=0))
     eye = centre + distance * (0.96 * side + 0.28 * forward)
-    meshcat.SetCameraPose(np.array([*eye, 1.3]), np.array([*centre, 0.70]))
+    meshcat.SetCameraPose(columns([*eye, 1.3]), columns([*centre, 0.70]))
 
 
 def _grid(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """(3, k) starts and ends of the lines of a grid on the ground."""
+    """(k, 3) starts and ends of the lines of a grid on the ground."""
     (x0, y0), (x1, y1) = low, high
     xs, ys = (np.arange(a, b + 0.5 * spacing, spacing) for a, b in ((x0, x1), (y0, y1)))
     start = [(x, y0, 0.0) for x in xs] + [(x0, y, 0.0) for y in ys]
     end = [(x, y1, 0.0) for x in xs] + [(x1, y, 0.0) for y in ys]
-    return np.asfortranarray(np.transpose(start)), np.asfortranarray(np.transpose(end))
+    return np.array(start), np.array(end)
 
 
 # What a replay shows in each of its frames: pure numbers out of a saved result, no Drake.

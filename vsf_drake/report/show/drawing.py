@@ -6,8 +6,10 @@ import logging
 import re
 import secrets
 import sys
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from markupsafe import escape
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, MeshcatParams, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
@@ -41,17 +43,23 @@ def open_meshcat() -> Meshcat:
 
 
 def finish_page(meshcat: Meshcat, title: str, template: str, /, **facts: object) -> str:
-    """Meshcat as one HTML file with `title`, and a caption along its lower edge, from a template of captions.
-
-    Raises:
-        ValueError: Meshcat's page has no title or no body.
-    """
+    """Meshcat as one HTML file with `title`, and a caption along its lower edge, from a template of captions."""
     page, titles = re.subn(r"<title>.*?</title>", lambda _: f"<title>{escape(title)}</title>",
                            meshcat.StaticHtml(), count=1, flags=re.DOTALL)
     head, tag, tail = page.rpartition("</body>")
     if not titles or not tag:
         raise ValueError("Meshcat's page has no title or no body to write into")
     return f"{head}{render(template, title=title, **facts)}{tag}{tail}"
+
+
+def columns(values: npt.ArrayLike) -> Any:
+    """`values` as Drake takes vectors, (n,), and points, (3, n); its stubs know no type that NumPy's arrays have."""
+    return np.asfortranarray(values, dtype=float)
+
+
+def shifted(x: float, y: float, z: float) -> RigidTransform:
+    """The pose of a frame whose axes are parallel and whose origin is at (x, y, z)."""
+    return RigidTransform(columns((x, y, z)))
 
 
 def add_arrow(meshcat: Meshcat, path: str, colour: Rgba, *, shaft_radius: float, head: tuple[float, float],
@@ -62,7 +70,7 @@ def add_arrow(meshcat: Meshcat, path: str, colour: Rgba, *, shaft_radius: float,
     """
     length, radius = head
     meshcat.SetObject(f"{path}/shaft/rod", Cylinder(shaft_radius, 1.0), colour)
-    meshcat.SetTransform(f"{path}/shaft/rod", RigidTransform([0.0, 0.0, shaft_from + 0.5]))
+    meshcat.SetTransform(f"{path}/shaft/rod", shifted(0.0, 0.0, shaft_from + 0.5))
     meshcat.SetObject(f"{path}/head/cone", MeshcatCone(length, radius, radius), colour)
     turned = RotationMatrix.MakeXRotation(np.pi)  # Drake's cone has its tip at the origin and opens along +z
     meshcat.SetTransform(f"{path}/head/cone", RigidTransform(turned))
@@ -80,4 +88,4 @@ def add_triad(meshcat: Meshcat, path: str, length: float) -> None:
         meshcat.SetTransform(f"{path}/{axis}", RigidTransform(turn, turn @ np.array([0.0, 0.0, 0.5 * length])))
     strokes = np.array(_STROKES[path[-1]]) * 0.3 * length
     points = np.array([strokes[:, 0] - 0.45 * length, np.zeros(len(strokes)), strokes[:, 1] + 0.1 * length])
-    meshcat.SetLine(f"{path}/letter", np.asfortranarray(points), 3.0, Rgba(0.1, 0.1, 0.1, 1.0))
+    meshcat.SetLine(f"{path}/letter", columns(points), 3.0, Rgba(0.1, 0.1, 0.1, 1.0))

@@ -8,26 +8,33 @@ beside Drake may collect what only the main thread may: a Meshcat that nobody ho
 import contextlib
 import http.client
 import http.server
+import io
 import re
 import signal
 import socket
 import sys
 import threading
+from collections.abc import Callable
+from typing import Any
 
 
 class _Gate(http.server.ThreadingHTTPServer):
     daemon_threads = True
 
-    def __init__(self, port, behind):
+    def __init__(self, port: int, behind: tuple[str, int]) -> None:
         super().__init__(("127.0.0.1", port), _Visit)
         self.behind = behind
 
-    def handle_error(self, request, client_address):
+    def handle_error(self, request: Any, client_address: Any) -> None:
         """A visitor who left."""
 
 
 class _Visit(http.server.BaseHTTPRequestHandler):
-    def do_GET(self):
+    server: _Gate
+    connection: socket.socket
+    rfile: io.BufferedReader
+
+    def do_GET(self) -> None:
         hosts, origins = (self.headers.get_all(name, []) for name in ("Host", "Origin"))
         # Of any port, for one that is handed on from another machine; no name that somebody bent to this one.
         if (len(hosts) != 1 or not re.fullmatch(r"(localhost|127\.0\.0\.1):[0-9]+", hosts[0])
@@ -38,7 +45,7 @@ class _Visit(http.server.BaseHTTPRequestHandler):
         else:
             self._fetch()
 
-    def _fetch(self):
+    def _fetch(self) -> None:
         inner = http.client.HTTPConnection(*self.server.behind)
         inner.request("GET", self.path)
         answer = inner.getresponse()
@@ -50,7 +57,7 @@ class _Visit(http.server.BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(content)
 
-    def _join(self):
+    def _join(self) -> None:
         """Hands on all bytes of a web socket, both ways."""
         with socket.create_connection(self.server.behind) as inner:
             inner.sendall(f"{self.requestline}\n{self.headers}".replace("\n", "\r\n").encode("latin-1"))
@@ -58,11 +65,11 @@ class _Visit(http.server.BaseHTTPRequestHandler):
             _pass_on(inner.recv, self.connection)
         self.close_connection = True
 
-    def log_message(self, format, *args):
+    def log_message(self, format: str, *args: object) -> None:
         """Says nothing."""
 
 
-def _pass_on(read, to):
+def _pass_on(read: Callable[[int], bytes], to: socket.socket) -> None:
     with contextlib.suppress(OSError, ValueError):  # one of the two has left
         while piece := read(1 << 16):
             to.sendall(piece)
@@ -75,7 +82,8 @@ if __name__ == "__main__":
     try:
         server = _Gate(int(sys.argv[1]), (sys.argv[2], int(sys.argv[3])))
     except OSError as error:
-        sys.exit(print(error.strerror, flush=True))
+        print(error.strerror, flush=True)
+        sys.exit()
     threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True).start()
     print(server.server_port, flush=True)
     sys.stdin.read()

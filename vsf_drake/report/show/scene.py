@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Rgba, Role
-from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, JointIndex, PrismaticJoint, SpatialInertia
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
@@ -34,8 +33,10 @@ from vsf_drake.report.show.drawing import (
     FIELD_OF_VIEW_DEG,
     add_arrow,
     add_triad,
+    columns,
     finish_page,
     open_meshcat,
+    shifted,
 )
 from vsf_drake.simulation.bench import KeelShape, keel_shape
 
@@ -107,8 +108,8 @@ class Scene:
         else:
             mount = self.plant.world_frame()
             if what == "foot":  # its unloaded sole on the plane z = 0
-                height = RigidTransform([0.0, 0.0, model.foot.build_height_m])
-                mount = self.plant.AddFrame(FixedOffsetFrame("mount_place", mount, height))
+                above = shifted(0.0, 0.0, model.foot.build_height_m)
+                mount = self.plant.AddFrame(FixedOffsetFrame("mount_place", mount, above))
             self.foot = add_foot(self.plant, mount, model.foot)
             add_foot_visuals(self.plant, self.foot)
             if what == "bench":
@@ -133,7 +134,8 @@ class Scene:
     @property
     def plant_context(self) -> Context:
         """The plant's part of the context."""
-        return self.plant.GetMyMutableContextFromRoot(self.context)
+        context: Context = self.plant.GetMyMutableContextFromRoot(self.context)
+        return context
 
     @property
     def rest(self) -> dict[str, float]:
@@ -173,8 +175,8 @@ class Scene:
         X_KB = foot.frame.EvalPoseInWorld(context).inverse() @ foot.keel[piece].EvalPoseInWorld(context)
         x, _, z = X_KB @ np.array([foot.parameters.load_point_m - foot.keel_starts[piece], 0.0, 0.0])
         length, head = ARROW_M_PER_N * values[LOAD], _HEAD_M[0]
-        X_WC = self.frames["K"].CalcPoseInWorld(context) @ RigidTransform([x, 0.0, z])
-        for path, pose in ((ARROW, X_WC), (f"{ARROW}/shaft", RigidTransform([0.0, 0.0, -head]))):
+        X_WC = self.frames["K"].CalcPoseInWorld(context) @ shifted(x, 0.0, z)
+        for path, pose in ((ARROW, X_WC), (f"{ARROW}/shaft", shifted(0.0, 0.0, -head))):
             self.meshcat.SetTransform(path, pose, time_in_recording=time_s)
         self.meshcat.SetProperty(ARROW, "visible", length > head, time_in_recording=time_s)
         self.meshcat.SetProperty(f"{ARROW}/shaft", "scale", [1.0, 1.0, max(length - head, 1e-3)],
@@ -189,24 +191,25 @@ class Scene:
             add_triad(self.meshcat, f"{FRAMES}/{letter}", 0.12 if self.what == "person" else 0.05)
         add_arrow(self.meshcat, ARROW, Rgba(0.90, 0.38, 0.00), shaft_radius=0.0035, head=_HEAD_M, shaft_from=-1.0)
         self.meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
-        self.meshcat.SetCameraPose(*map(np.array, _CAMERAS[self.what]))
+        self.meshcat.SetCameraPose(*map(columns, _CAMERAS[self.what]))
         self.draw(self.rest)
 
 
 def platen_travel(foot: FootParameters, shape: KeelShape, load_n: float) -> float:
     """How far (m) the bench's platen has risen: the load point's rise and what the foam under it gives way."""
-    foam = (max(load_n, 0.0) / foot.series_stiffness_n_per_m) ** (1.0 / foot.series_exponent)
+    foam: float = (max(load_n, 0.0) / foot.series_stiffness_n_per_m) ** (1.0 / foot.series_exponent)
     return float(shape.load_point_K[1]) + foam
 
 
 def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
     """The testing machine: a clamp at the mount, held at the origin of W, and a platen under the load point."""
     draw(plant, plant.world_body(), "clamp", Cylinder(0.02, 0.08), METAL, (0.0, 0.0, 0.04))
-    place = RigidTransform([foot.load_point_m - foot.pylon_x_m, 0.0, -foot.build_height_m])
+    place = shifted(foot.load_point_m - foot.pylon_x_m, 0.0, -foot.build_height_m)
     body = plant.AddRigidBody("platen", plant.AddModelInstance("machine"),
                               SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1))
     frame = plant.AddFrame(FixedOffsetFrame("platen_rest", plant.world_frame(), place))
-    platen = plant.AddJoint(PrismaticJoint("platen", frame, body.body_frame(), UPWARD))
+    platen = PrismaticJoint("platen", frame, body.body_frame(), columns(UPWARD))
+    plant.AddJoint(platen)
     size = (foot.series_patch_m, 1.3 * foot.keel.width_m, _PLATEN_THICKNESS_M)
     draw(plant, body, "platen", Box(*size), PLATEN, (0.0, 0.0, -0.5 * _PLATEN_THICKNESS_M))
     draw(plant, body, "ram", Cylinder(0.01, 0.08), METAL, (0.0, 0.0, -0.04 - _PLATEN_THICKNESS_M))
@@ -218,16 +221,16 @@ def _controls(foot: FootHandles, person: PersonHandles | None, keel_joints: bool
     """Sliders of the fulcrum, at rest in the middle of its range, of the load, and of every joint that moves freely."""
     fulcrum = foot.parameters.fulcrum
     low, high = 1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m
-    found = [Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5),
+    controls = [Control(FULCRUM, "mm", low, high, round(0.5 * (low + high), 1), 0.5),
              Control(LOAD, "N", 0.0, LARGEST_LOAD_N, 0.0, 5.0)]
     if keel_joints:
-        found += [Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1)
+        controls += [Control(name, "° added", -_KEEL_REACH_DEG, _KEEL_REACH_DEG, 0.0, 0.1)
                   for name in foot.keel_joint_names]
     for name in () if person is None else (*person.coordinate_names, *person.socket.coordinate_names):
         unit, least, most = _REACH[name[:-2] if name.endswith(("_r", "_l")) else name]
         rest = round(pelvis_height_m, 4) if name == "pelvis_ty" else 0.0
-        found.append(Control(name, unit, least, most, rest, _STEPS[unit]))
-    return tuple(found)
+        controls.append(Control(name, unit, least, most, rest, _STEPS[unit]))
+    return tuple(controls)
 
 
 # The scene on a page of its own, or served.
