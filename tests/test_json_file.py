@@ -7,7 +7,7 @@ import pytest
 
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.errors import InputError
-from vsf_drake.files import plain, read_json, record, write_json
+from vsf_drake.files import flat, plain, read_json, record, write_json
 from vsf_drake.report.results_folder import ResultsFolder
 
 
@@ -52,6 +52,20 @@ MADE = Outer(inner=Inner(1.5, ("a",)), rows=[Inner(2.0)], by_name={"x": None, "y
 def test_a_record_comes_back_from_a_file(tmp_path):
     write_json(tmp_path / "a.json", plain(MADE))
     assert record(Outer, read_json(tmp_path / "a.json")) == MADE
+
+
+@dataclass(frozen=True)
+class Flat:
+    n: int
+    means: dict[str, float | None] = flat()
+
+
+def test_entries_of_a_flat_mapping_stand_among_the_fields_and_come_back():
+    values = {"n": 2, "error_bw": 0.5, "late_ms": None}
+    assert plain(Flat(2, {"error_bw": 0.5, "late_ms": None})) == values
+    assert record(Flat, values) == Flat(2, {"error_bw": 0.5, "late_ms": None})
+    with pytest.raises(ValueError, match="error_bw is 'x'"):
+        record(Flat, values | {"error_bw": "x"})
 
 
 @pytest.mark.parametrize(("change", "message"), [

@@ -229,7 +229,11 @@ def plain(value: Any) -> Any:
     A dataclass becomes a dict of its fields in their order; `record` makes it again.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        table: dict[str, Any] = {}
+        for field in dataclasses.fields(value):
+            item = plain(getattr(value, field.name))
+            table |= item if "flat" in field.metadata else {field.name: item}
+        return table
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
@@ -237,6 +241,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return plain(value.item())
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def flat() -> Any:
+    """The last field of a record: a mapping whose entries stand among the record's own in `plain`, values of one type
+    under names that are put together of others."""
+    return dataclasses.field(metadata={"flat": True})
 
 
 def record(kind: type[T], values: Any, *, where: str = "") -> T:
@@ -249,7 +259,10 @@ def record(kind: type[T], values: Any, *, where: str = "") -> T:
     hints: dict[str, Any] = _field_types(kind)  # type: ignore[arg-type] # functools.cache asks for Hashable
     given = {}
     for field in dataclasses.fields(kind):  # type: ignore[arg-type]
-        if field.name in values:
+        if "flat" in field.metadata:
+            rest = {name: item for name, item in values.items() if name not in hints}
+            given[field.name] = _typed(hints[field.name], rest, where)
+        elif field.name in values:
             given[field.name] = _typed(hints[field.name], values[field.name], f"{where}{'.' * bool(where)}{field.name}")
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise ValueError(f"{where}{'.' * bool(where)}{field.name} is missing")
