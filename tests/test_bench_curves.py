@@ -1,4 +1,4 @@
-"""Curves of a testing machine, read as laboratories write them, and what is refused."""
+"""What a testing machine tells of a foot: curves as laboratories write them, stiffness by position, what is refused."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from vsf_drake.bench_curves import load_bench_curves, load_bench_file
+from vsf_drake.bench_curves import BenchMeasurement, load_bench_curves, load_bench_file
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 
@@ -94,24 +96,19 @@ def test_samples_at_one_displacement_become_one(tmp_path):
 
 @pytest.mark.parametrize(("text", "words"), [
     ("", ("is empty", "fulcrum_mm, displacement_mm and load_n")),
-    ("# name: x\n\n", ("is empty",)),
     (HEAD, ("no rows",)),
     (spring("66", 10.0), ("no line of column names", "fulcrum_mm")),
     ("fulcrum_mm,load_n\n66,0\n", ("line 1", "no column of displacement")),
     ("fulcrum_mm,displacement_in,load_n\n66,0,0\n", ("displacement_in", "unit 'in' is unknown", "mm or m")),
     ("fulcrum_mm,displacement,load_n\n66,0,0\n", ("column displacement", "unit is missing", "displacement_mm")),
-    ("fulcrum_mm,displacement_mm,load_lbf\n66,0,0\n", ("load_lbf", "'lbf'", "n or kn")),
     ("fulcrum_mm,displacement_mm,load_n,time_s\n66,0,0,0\n", ("'time_s' is unknown",)),
     ("fulcrum_mm,displacement_mm,displacement_m,load_n\n66,0,0,0\n", ("2 columns of displacement",)),
     (HEAD + "66,0,0\n66,1,ten\n", ("line 3", "column load", "'ten' is not a finite number")),
-    (HEAD + "66,0,0\n66,1,nan\n", ("line 3", "not a finite number")),
-    (HEAD + "66,0,0\n66,,10\n", ("line 3", "column displacement", "not a finite number")),
     (HEAD + "nan,0,0\n", ("line 2", "column fulcrum", "not a finite number")),
     (HEAD + "66,0,5,1\n", ("4 cells", "decimal point")),
     (HEAD + "66,0\n", ("2 cells", "truncated")),
     (HEAD + spring("0.066", 10.0), ("no fulcrum position", "unit of its column")),
     (HEAD + spring("66", 10.0) + spring("66", 10.0), ("line 9", "displacement falls", "repeat")),
-    (HEAD + spring("66", 10.0) + "66,50,500\n", ("displacement falls", "loading only")),
     (HEAD + spring("66", 10.0) + "66,61,300\n", ("line 9", "load falls by 300 N")),
     (HEAD + spring("66", -10.0, loads=[-x for x in LOADS]), ("never loaded", "compression are positive")),
     (HEAD + spring("66", 10.0, loads=[x / 1e3 for x in LOADS]), ("largest load is 0.6 N", "unit")),
@@ -129,6 +126,74 @@ def test_what_cannot_be_used_is_refused_with_file_place_and_what_would_be_right(
         read(tmp_path, text)
     for word in ("bench.csv", *words):
         assert word in str(refused.value), str(refused.value)
+
+
+WHOLE = """\
+# a comment
+name: a foot
+synthetic: true
+forefoot:
+  - {fulcrum_mm: 66, stiffness_n_per_mm: 10.0, mid_range_displacement_mm: 31.5}
+  - {fulcrum_mm: 151, stiffness_n_per_mm: 32, mid_range_displacement_mm: 9.25}
+heel_stiffness_n_per_mm: 65.0
+heel_mid_range_displacement_mm: 4.5
+displacement_uncertainty_mm: 0.25
+stiffness_uncertainty_n_per_mm: 0.5
+max_load_n: 600
+"""
+SECOND = ", mid_range_displacement_mm: 9.25"
+
+
+def stated(folder: Path, text: str) -> BenchMeasurement:
+    path = folder / "bench.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_bench_file(path)
+
+
+def without(*keys: str) -> str:
+    return "".join(line for line in WHOLE.splitlines(keepends=True) if not line.startswith(keys))
+
+
+BARE = without("heel_mid", "displacement").replace(", mid_range_displacement_mm: 31.5", "").replace(SECOND, "")
+
+
+def test_a_bench_file_is_read_into_si_with_and_without_what_may_be_left_out(tmp_path):
+    bare = BenchMeasurement(
+        name="a foot", synthetic=True, fulcrum_m=(0.066, 0.151), stiffness_n_per_m=(10e3, 32e3),
+        heel_stiffness_n_per_m=65e3, uncertainty_n_per_m=500.0, max_load_n=600.0)
+    assert stated(tmp_path, BARE) == bare
+    whole = stated(tmp_path, WHOLE)
+    assert whole.mid_range_m == pytest.approx((0.0315, 0.00925))
+    assert whole.heel_mid_range_m == pytest.approx(4.5e-3) and whole.mid_range_uncertainty_m == pytest.approx(2.5e-4)
+    headless = stated(tmp_path, without("heel", "synthetic"))
+    assert headless.heel_stiffness_n_per_m is headless.heel_mid_range_m is None and len(headless.mid_range_m) == 2
+    assert headless.synthetic is False
+
+
+@given(fulcrums_mm=st.lists(st.integers(10, 1000), min_size=1, max_size=8, unique=True))
+def test_positions_come_back_as_written(tmp_path_factory, fulcrums_mm):
+    rows = "".join(f"  - {{fulcrum_mm: {x}, stiffness_n_per_mm: 12}}\n" for x in sorted(fulcrums_mm))
+    text = without("forefoot", "  -", "heel_mid", "displacement", "heel") + f"forefoot:\n{rows}"
+    read_again = stated(tmp_path_factory.mktemp("bench"), text)
+    assert [round(1e3 * x, 9) for x in read_again.fulcrum_m] == sorted(fulcrums_mm)
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    (WHOLE.replace("600", "200"), ["max_load_n", "200 N", "mean slope above 200 N", "largest load"]),
+    (WHOLE.replace("151", "66"), ["forefoot[1].fulcrum_mm", "66 mm stands twice"]),
+    (WHOLE.replace("66", "152"), ["forefoot[1].fulcrum_mm", "151 mm follows 152 mm", "must increase"]),
+    (without("forefoot", "  -") + "forefoot: []\n", ["forefoot", "holds no setting"]),
+    (WHOLE.replace(SECOND, ""), ["forefoot[1].mid_range_displacement_mm", "missing"]),
+    (without("displacement_uncertainty"), ["displacement_uncertainty_mm", "missing", "every setting"]),
+    (without("heel_mid"), ["heel_mid_range_displacement_mm", "missing"]),
+    (without("heel_stiffness"), ["heel_mid_range_displacement_mm", "no heel_stiffness_n_per_mm"]),
+    (WHOLE.replace("31.5", "3150"), ["line 5", "forefoot[0].mid_range_displacement_mm", "between 0.01 and 300 mm"]),
+])
+def test_what_is_wrong_in_a_bench_file_is_named(tmp_path, text, words):
+    with pytest.raises(InputError) as caught:
+        stated(tmp_path, text)
+    for word in (f"{tmp_path / 'bench.yaml'}: ", *words):
+        assert word in str(caught.value)
 
 
 def test_a_missing_file_and_a_spreadsheet_are_refused(tmp_path):

@@ -15,8 +15,6 @@ import yaml
 from command_line import read_json
 
 from vsf_drake.files import resource
-from vsf_drake.parameters import ModelParameters
-from vsf_drake.schema import dump_yaml
 
 
 def test_bench_writes_the_published_end_points(run, tmp_path):
@@ -95,32 +93,6 @@ def test_unusable_bench_options_end_with_code_2(run, tmp_path, words, said):
     code, _, err = run("bench", "--out", tmp_path / "out", *words)
     assert code == 2
     assert said in err
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "said"),
-    [
-        (("foot", "fulcrum", "carriage_mass_kg"), 1.9, "weigh"),
-        (("foot", "zones"), [], "no contact zones"),
-        (("intact_foot", "zones"), [], "no contact zones"),
-        (("foot", "build_height_m"), 0.02, "leaves no room"),
-        (("foot", "zones", 4, "x_mm", 0), 400.0, "ahead of the keel"),
-        (("foot", "fulcrum", "rearmost_m"), 0.001, "heel block"),
-        (("foot", "load_point_m"), 0.3, "within the keel"),
-    ],
-)
-def test_model_that_is_no_foot_is_refused_by_name(run, tmp_path, path, value, said):
-    model = yaml.safe_load(dump_yaml(ModelParameters()))
-    part = model
-    for key in path[:-1]:
-        part = part[key]
-    part[path[-1]] = value
-    (tmp_path / "model.yaml").write_text(yaml.safe_dump(model), encoding="utf-8")
-    code, _, err = run("bench", "--out", tmp_path / "out", "--model", tmp_path / "model.yaml")
-    assert code == 2
-    assert said in err
-    assert "model.yaml" in err
     assert not (tmp_path / "out").exists()
 
 

@@ -10,17 +10,21 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from made_contact import CURVE, OWN, made_contact
+from made_contact import CURVE, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
-from vsf_drake.contact_file import check_contact, load_contact, save_contact, variable_unit
+from vsf_drake.contact_file import check_contact, load_contact, model_with, save_contact, variable_unit
 from vsf_drake.errors import UNPRINTABLE, InputError
+from vsf_drake.parameters import BushingAxis, ModelParameters, Subject
 from vsf_drake.schema import to_plain
+from vsf_drake.simulation.walk import Walker
 
 
-def test_a_contact_is_written_and_read_back_equal(tmp_path):
-    contact = made_contact()
-    save_contact(contact, tmp_path / "contact.yaml")
-    assert load_contact(tmp_path / "contact.yaml") == contact
+def test_a_contact_is_written_and_read_back_equal_texts_that_look_like_yaml_too(tmp_path):
+    for words in ("a b", "two\nlines", "", "height_m: 3", "a: b # c", "null", "1.0", "\u2028", "trials:\n- name: x"):
+        contact = made_contact(strategy=words, trials=(dataclasses.replace(OWN, name=words),),
+                               provenance={words: words})
+        save_contact(contact, tmp_path / "contact.yaml")
+        assert load_contact(tmp_path / "contact.yaml") == contact
     assert [path.name for path in tmp_path.iterdir()] == ["contact.yaml"]
 
 
@@ -40,18 +44,8 @@ def test_every_digit_and_every_letter_comes_back(tmp_path_factory, numbers, valu
     assert load_contact(path) == contact
 
 
-@pytest.mark.parametrize("words", [
-    "two\nlines", "", " ", "height_m: 3", "# no", "a: b # c", "- x", "'\"", "null", "1.0", "\u2028", "üß\t",
-    "trials:\n- name: x"])
-def test_texts_that_look_like_yaml_are_texts(tmp_path, words):
-    contact = made_contact(strategy=words, trials=(dataclasses.replace(OWN, name=words),), provenance={words: words})
-    save_contact(contact, tmp_path / "contact.yaml")
-    assert load_contact(tmp_path / "contact.yaml") == contact
-
-
-@pytest.mark.parametrize("words", ["\x1b[31m", "\x85end", "a\0", "\ud800", "\u202e"])
-def test_a_text_that_cannot_be_printed_is_neither_written_nor_read(tmp_path, words):
-    path = tmp_path / "contact.yaml"
+def test_a_text_that_cannot_be_printed_is_neither_written_nor_read(tmp_path):
+    path, words = tmp_path / "contact.yaml", "\x1b[31m"
     with pytest.raises(InputError, match="unprintable"):
         save_contact(made_contact(strategy=words), path)
     save_contact(made_contact(strategy="HERE"), path)
@@ -95,26 +89,14 @@ def put(*keys, value):
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    (put("value", value={}), ["value: unknown key", "Did you mean values?"]),
-    (lambda plain: plain.pop("converged"), ["converged: the key is missing"]),
-    (lambda plain: plain.pop("format"), ["format: the key is missing"]),
     (put("format", value="vsf_drake contact 2"), ["format", "not known", "vsf_drake contact 1"]),
-    (put("converged", value="perhaps"), ["converged", "true or false"]),
-    (put("subject", "age", value=40), ["subject.age: unknown key"]),
-    (put("subject", "mass_kg", value=7.8), ["subject.mass_kg", "between 20 and 250 kg"]),
-    (put("subject", "prosthetic_side", value="both"), ["prosthetic_side", "left, right"]),
-    (put("verdict", value={"good": True}), ["verdict", "must be a list"]),
     (put("values", "contact.forefoot.stiffness", value=math.nan), ["values.contact.forefoot.stiffness", "finite"]),
-    (put("values", "contact.forefoot.stiffness", value="soft"), ["values.contact.forefoot.stiffness", "not a number"]),
     (put("values", "contact.forefoot.colour", value=1.0), ["values.contact.forefoot.colour", "there is no"]),
-    (put("values", "fulcrum.shift", value=0.01), ["values.fulcrum.shift", "there is no 'fulcrum.shift'"]),
-    (put("values", "socket.up.stiffness", value=1e4), ["values.socket.up.stiffness"]),
     (put("values", "coordinate.ankle_angle_r", value=0.1), ["ankle_angle_r", "no coordinate"]),
     (put("curves", 0, "coordinate", value="knee"), ["curves[0].coordinate", "'knee' is no coordinate"]),
     (put("curves", 0, "coefficients", value=[0.1, 0.1, 0.1]), ["curves[0].coefficients", "At least 4"]),
     (put("curves", 0, "coefficients", value=[0.1, 0.1, 0.1, 5.7]), ["curves[0].coefficients", "between -1 and 1"]),
     (put("curves", value=[to_plain(CURVE), to_plain(CURVE)]), ["curves[1]", "two curves"]),
-    (put("trials", 0, "height_m", value=2.0), ["trials[0].height_m", "between -0.2 and 0.2 m"]),
     (put("trials", 0, "fingerprint", value="low_1"), ["trials[0].fingerprint", "64 hexadecimal digits"]),
     (put("trials", value=[to_plain(OWN), to_plain(OWN)]), ["trials[1].fingerprint", "stands twice"]),
     (put("trials", 0, "path", value={"pelvis_ty": [0.0] * 4}), ["trials[0].path", "pelvis_tx, pelvis_tz"]),
@@ -134,15 +116,6 @@ def test_what_is_no_contact_is_refused_with_file_and_key(tmp_path, change, words
         assert word in str(caught.value)
 
 
-def test_a_name_that_stands_twice_is_refused(tmp_path):
-    path = tmp_path / "contact.yaml"
-    save_contact(made_contact(values={"fulcrum.stiffness": 1e5}), path)
-    text = path.read_text(encoding="utf-8")
-    path.write_text(text.replace("values:\n", "values:\n  fulcrum.stiffness: 2e5\n"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"line \d+, values\.fulcrum\.stiffness: the key stands twice"):
-        load_contact(path)
-
-
 def test_a_file_that_was_cut_between_its_keys_is_refused(tmp_path):
     path, keys = tmp_path / "contact.yaml", ("values:", "curves:", "trials:", "provenance:")
     save_contact(made_contact(), path)
@@ -151,13 +124,6 @@ def test_a_file_that_was_cut_between_its_keys_is_refused(tmp_path):
         path.write_text(text[: text.index(f"\n{key}") + 1], encoding="utf-8")
         with pytest.raises(InputError, match="cut short"):
             load_contact(path)
-
-
-def test_a_model_file_is_no_contact_file(tmp_path):
-    path = tmp_path / "model.yaml"
-    path.write_text("foot: {mass_kg: 0.7}\n", encoding="utf-8")
-    with pytest.raises(InputError, match="foot: unknown key"):
-        load_contact(path)
 
 
 def test_what_cannot_be_read_back_is_not_written(tmp_path):
@@ -185,12 +151,82 @@ def test_python_users_meet_the_same_checks():
 
 
 def test_units_are_those_of_the_walks_variables():
-    from vsf_drake.motion.trial import default_model  # noqa: PLC0415
-    from vsf_drake.parameters import Subject  # noqa: PLC0415
-    from vsf_drake.simulation.walk import Walker  # noqa: PLC0415
-
     person = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="left")
-    variables = Walker(person, default_model()).variables
-    for name, variable in variables.items():
+    for name, variable in Walker(person, ModelParameters()).variables.items():
         if name != "fulcrum.shift":
             assert variable_unit(name) == variable.unit, name
+
+
+# Fitted values in a model, field by field; that the walk is the same is shown in tests/simulation.
+
+MODEL = ModelParameters()
+FOOT = MODEL.foot
+
+
+def zone(model, name):
+    return next(zone for zone in model.foot.zones if zone.name == name)
+
+
+def test_each_value_goes_to_its_field_and_nothing_else_changes():
+    fitted = model_with(MODEL, OF_THE_MODEL)
+    forefoot = zone(fitted, "forefoot")
+    assert (forefoot.stiffness, forefoot.exponent, forefoot.damping_n_s_per_m) == (9e4, 1.4, 150.0)
+    assert zone(fitted, "midfoot") == dataclasses.replace(zone(MODEL, "midfoot"), full_damping_depth_m=2e-3)
+    assert zone(fitted, "heel") == dataclasses.replace(zone(MODEL, "heel"), rise_mm=(-1.0,))
+    assert zone(fitted, "heel_posterior") == zone(MODEL, "heel_posterior")
+    assert vars(fitted.foot.friction) == {"mu_static": 0.6, "mu_kinetic": 0.4, "threshold_velocity_m_per_s": 0.08}
+    assert fitted.foot.keel == dataclasses.replace(FOOT.keel, flexural_modulus_pa=17.7e9)
+    assert fitted.foot.fulcrum == dataclasses.replace(FOOT.fulcrum, stiffness_n_per_m=150e3)
+    axis = fitted.socket.tz
+    assert axis == dataclasses.replace(MODEL.socket.tz, stiffness=8.3e4, stiffness_negative=axis.stiffness_negative)
+    assert axis.stiffness_negative == pytest.approx(0.15 * 8.3e4)
+    assert fitted.intact_foot == MODEL.intact_foot
+    assert (fitted.foot.mass_kg, fitted.foot.load_point_m) == (FOOT.mass_kg, FOOT.load_point_m)
+
+
+def test_what_belongs_to_the_trial_leaves_the_model_alone():
+    assert model_with(MODEL, OF_THE_TRIAL) == MODEL
+    assert model_with(MODEL, {}) == MODEL
+
+
+def test_a_rise_is_added_to_that_of_each_sphere():
+    uneven = dataclasses.replace(zone(MODEL, "heel_posterior"), rise_mm=(1.0, -2.0))
+    model = dataclasses.replace(MODEL, foot=dataclasses.replace(FOOT, zones=(uneven, *FOOT.zones[1:])))
+    fitted = model_with(model, {"contact.heel_posterior.rise": 5e-4})
+    assert zone(fitted, "heel_posterior").rise_mm == pytest.approx((1.5, -1.5))
+
+
+def test_the_benchs_foam_is_that_of_the_spheres_under_its_load():
+    fitted = model_with(MODEL, {"contact.forefoot.stiffness": 9e4, "contact.forefoot.exponent": 1.4,
+                                "contact.forefoot.rise": 2e-3})
+    assert (fitted.foot.series_stiffness_n_per_m, fitted.foot.series_exponent) == (pytest.approx(8 * 9e4), 1.4)
+    # It stays where they keep their law.
+    other = dataclasses.replace(MODEL, foot=dataclasses.replace(FOOT, series_stiffness_n_per_m=5e4))
+    for name in ("contact.heel.stiffness", "contact.midfoot.rise", "contact.forefoot.damping", "contact.forefoot.rise"):
+        fitted = model_with(other, {name: 1e-3 if name.endswith("rise") else 300.0})
+        assert (fitted.foot.series_stiffness_n_per_m, fitted.foot.series_exponent) == (5e4, 1.0), name
+
+
+@pytest.mark.parametrize(("values", "words"), [
+    ({"contact.toe.stiffness": 1e4}, ["contact.toe.stiffness", "no contact zones 'toe'", "heel_posterior"]),
+    ({"fulcrum.shift": 0.01}, ["fulcrum.shift"]),
+    ({"keel.flexural_modulus": -1.0}, ["flexural_modulus_pa", "between"]),
+    ({"contact.heel.rise": float("nan")}, ["rise_mm", "finite"]),
+])
+def test_values_that_make_no_model_are_refused_with_file_and_name(values, words):
+    with pytest.raises(InputError) as caught:
+        model_with(MODEL, values, file="contact.yaml")
+    for word in ("contact.yaml", *words):
+        assert word in str(caught.value)
+
+
+def test_two_zones_of_one_name_and_an_axis_without_stiffness_are_refused():
+    twice = dataclasses.replace(MODEL, foot=dataclasses.replace(FOOT, zones=(*FOOT.zones, FOOT.zones[0])))
+    with pytest.raises(InputError, match="2 contact zones 'heel_posterior'"):
+        model_with(twice, {"contact.heel_posterior.stiffness": 1e4})
+    loose = BushingAxis(stiffness=0.0, stiffness_negative=10.0, damping=1.0, limit=0.1, rate_limit=1.0)
+    with pytest.raises(InputError, match="tx axis has no stiffness"):
+        socket = dataclasses.replace(MODEL.socket, tx=loose)
+        model_with(dataclasses.replace(MODEL, socket=socket), {"socket.tx.stiffness": 1e4})
+
+

@@ -1,15 +1,32 @@
-"""Files appear whole or not at all."""
+"""Files appear whole or not at all, and what anybody may have made of JSON and NPZ is refused before it harms."""
 
-import hashlib
+from __future__ import annotations
+
+import io
+import json
 import os
 import stat
+import struct
 import subprocess
 import sys
+import time
+import tracemalloc
+import zipfile
+from dataclasses import dataclass
+from typing import Literal
 
+import numpy as np
 import pytest
+import yaml
 
+from vsf_drake.analysis.tuning.schedule import load_schedule
+from vsf_drake.analysis.validation.run import SectionStore
 from vsf_drake.errors import InputError
-from vsf_drake.files import replaced, sha256
+from vsf_drake.files import ALWAYS_BYTES, flat, plain, read_json, read_npz, record, replaced, sha256, write_json
+from vsf_drake.report.fit_output import FIT
+from vsf_drake.report.results_folder import ResultsFolder
+from vsf_drake.simulation.archive import read_archive
+from vsf_drake.simulation.many.run import WalkCache
 
 
 def test_file_appears_whole(tmp_path):
@@ -31,37 +48,14 @@ def test_failure_keeps_the_old_file_and_leaves_nothing_else(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["result.bin"]
 
 
-def test_new_file_has_the_permissions_of_any_other(tmp_path):
-    with replaced(tmp_path / "a"):
-        pass
-    (tmp_path / "b").write_text("")
-    assert (tmp_path / "a").stat().st_mode == (tmp_path / "b").stat().st_mode
-
-
-def test_missing_folder_is_named(tmp_path):
+def test_folder_in_the_way_or_missing_is_named_and_nothing_stays(tmp_path):
     with pytest.raises(InputError, match=r"absent.result\.txt: cannot be written"), \
             replaced(tmp_path / "absent" / "result.txt"):
         pass
-
-
-def test_folder_in_the_way_is_named_and_nothing_stays(tmp_path):
     (tmp_path / "taken" / "x").mkdir(parents=True)
     with pytest.raises(InputError, match="cannot be written"), replaced(tmp_path / "taken"):
         pass
     assert [p.name for p in tmp_path.iterdir()] == ["taken"]
-
-
-def test_only_writing_is_possible(tmp_path):
-    with pytest.raises(ValueError, match="'a'"), replaced(tmp_path / "x", "a"):
-        pass
-
-
-def test_sha256_is_that_of_the_bytes(tmp_path):
-    path = tmp_path / "x"
-    path.write_bytes(b"abc")
-    assert sha256(path) == hashlib.sha256(b"abc").hexdigest()
-    with pytest.raises(InputError, match="absent: there is no such file"):
-        sha256(tmp_path / "absent")
 
 
 WRITING = """
@@ -101,3 +95,216 @@ def test_what_must_last_is_on_the_disk_before_it_has_its_name(monkeypatch, tmp_p
     with replaced(tmp_path / "a", lasting=True) as stream:
         stream.write("text")
     assert done == [False, "named", True]
+
+
+# JSON.
+
+@pytest.mark.parametrize("text", [
+    "", "[1]", "3", "{", "[" * 100_000, '{"a":' * 100_000, '{"a": ' + "9" * 400 + "}", '{"a": ' + "9" * 5000 + "}",
+    '{"a": NaN}', '{"a": 1e999}', '{"a": "\\u001b[31m"}', '{"\\ud800": 1}', "{\0}",
+    '{"a": [' + "{}," * 1_000_000 + "0]}", b'{"a": "\xff"}'])
+def test_what_is_no_table_is_refused(tmp_path, text):
+    path = tmp_path / "table.json"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    folder = ResultsFolder(kind="tuning", command="tune", table=path.name)
+    for read in (read_json, load_schedule, lambda path: folder.read(path.parent)):
+        with pytest.raises(InputError, match=r"table\.json: cannot be read"):
+            read(path)
+
+
+def test_a_table_comes_back(tmp_path):
+    table = {"a": [1, 0.1 + 0.2, None, True], "ä": {"b": "x\ny", "c": 10**60}}
+    write_json(tmp_path / "a.json", table)
+    assert read_json(tmp_path / "a.json") == table
+
+
+@dataclass(frozen=True)
+class Inner:
+    value: float
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Outer:
+    inner: Inner
+    rows: list[Inner]
+    by_name: dict[str, float | None]
+    way: Literal["load", "motion"]
+    limits: tuple[float, int] | None = None
+
+
+MADE = Outer(inner=Inner(1.5, ("a",)), rows=[Inner(2.0)], by_name={"x": None, "y": 0.5}, way="load", limits=(1.0, 2))
+
+
+def test_a_record_comes_back_from_a_file(tmp_path):
+    write_json(tmp_path / "a.json", plain(MADE))
+    assert record(Outer, read_json(tmp_path / "a.json")) == MADE
+
+
+@dataclass(frozen=True)
+class Flat:
+    n: int
+    means: dict[str, float | None] = flat()
+
+
+def test_entries_of_a_flat_mapping_stand_among_the_fields_and_come_back():
+    values = {"n": 2, "error_bw": 0.5, "late_ms": None}
+    assert plain(Flat(2, {"error_bw": 0.5, "late_ms": None})) == values
+    assert record(Flat, values) == Flat(2, {"error_bw": 0.5, "late_ms": None})
+    with pytest.raises(ValueError, match="error_bw is 'x'"):
+        record(Flat, values | {"error_bw": "x"})
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"inner": {}}, r"^inner\.value is missing"), ({"rows": [{"value": "1"}]}, r"^rows\[0\]\.value is '1', not float"),
+    ({"by_name": {"x": True}}, r"^by_name\.x is 'True'"), ({"way": "up"}, "^way is 'up'"),
+    ({"limits": [1.0]}, "^limits is"), ({"inner": 3}, "^inner is no table")])
+def test_what_a_record_cannot_be_made_of_is_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        record(Outer, plain(MADE) | change)
+
+
+# NPZ.
+
+HONEST = {
+    "a": np.arange(24.0).reshape(2, 3, 4), "fortran": np.asfortranarray(np.eye(3)), "text": np.array(["ä", "b", ""]),
+    "one": np.array(3), "word": np.array("vsf_drake"), "none": np.zeros((0, 5)), "truth": np.array([True, False]),
+    "nan": np.array([np.nan, np.inf])}
+
+
+def packed(**arrays):
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)
+    return stream.getvalue()
+
+
+def zipped(*members, method=zipfile.ZIP_DEFLATED):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", method, compresslevel=1) as archive:
+        for name, content in members:
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def stated(header, content=b"\0" * 64, name="a.npy"):
+    """A zip file of one array with this header."""
+    header = header.encode("latin-1") + b"\n"
+    return zipped((name, b"\x93NUMPY\1\0" + struct.pack("<H", len(header)) + header + content))
+
+
+def shaped(shape, kind="<f8", content=b"\0" * 64):
+    return stated(f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}", content)
+
+
+def poked(content, *, local, central, value):
+    """Two bytes changed where the only member is described, at these offsets in its two descriptions."""
+    content = bytearray(content)
+    for place, offset in ((0, local), (content.rindex(b"PK\1\2"), central)):
+        content[place + offset : place + offset + 2] = value
+    return bytes(content)
+
+
+ONE = zipped(("a.npy", b"\x93NUMPY\1\0"))
+FULL = packed(a=np.arange(1000.0))
+PICKLED = io.BytesIO()
+np.save(PICKLED, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+BARE = io.BytesIO()
+np.save(BARE, np.arange(3.0))
+END = zipped()
+HARMFUL = {
+    "1e13 elements": shaped("(10000000000000,)"), "1e21 elements": shaped("(1000000000000000000000,)"),
+    "1e21 of no size": shaped("(1000000000000000000000,)", "<U0", b""), "overflow": shaped("(4294967296, 536870912)"),
+    "no element, much besides": shaped("(0, 1000000000000000000000000000000)", content=b""),
+    "negative": shaped("(-8,)"), "more than stated": shaped("(7,)"), "less than stated": shaped("(9,)"),
+    "bomb": zipped(("a.npy", b"\x93NUMPY\1\0" + b"\0" * (2 * ALWAYS_BYTES))),
+    "bombs": zipped(*((f"{i}.npy", b"\0" * (ALWAYS_BYTES // 16)) for i in range(40))),
+    "bomb that lies": poked(zipped(("a.npy", b"\0" * ALWAYS_BYTES)), local=24, central=26, value=b"\0\0"),
+    "encrypted": poked(ONE, local=6, central=8, value=b"\1\0"),
+    "unknown method": poked(ONE, local=8, central=10, value=b"\x63\0"),
+    "bzip2": zipped(("a.npy", BARE.getvalue()), method=zipfile.ZIP_BZIP2),
+    "lzma": zipped(("a.npy", BARE.getvalue()), method=zipfile.ZIP_LZMA),
+    "empty": b"", "bare .npy": BARE.getvalue(), "text": b"no zip file\n" * 100, "PK": b"PK\5\6",
+    "pickle": zipped(("a.npy", PICKLED.getvalue())), "objects": shaped("(8,)", "|O"), "bare pickle": PICKLED.getvalue(),
+    "records": stated("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (8,), }"),
+    "brackets": stated("(" * 9000), "code": stated("{'descr': '<f8', 'fortran_order': False, 'shape': (exit(),), }"),
+    "half a character": shaped("(1,)", "<U1", b"\0\xd8\0\0"), "beyond Unicode": shaped("(1,)", "<U1", b"\xff" * 4),
+    "escape": shaped("(1,)", "<U1", b"\x1b\0\0\0"), "name": zipped(("\x1b[31m.npy", BARE.getvalue())),
+    "twice": zipped(("a.npy", BARE.getvalue()), ("a.npy", BARE.getvalue())),
+    "many": zipped(*((f"{i}.npy", b"") for i in range(20_000))),
+    "zip64": b"PK\6\6" + b"\0" * 52 + b"PK\6\7" + b"\0" * 16 + END,
+    "truncated": FULL[:-30], "no beginning": FULL[30:], "damaged": FULL[:200] + b"\xff" * 100 + FULL[300:],
+}
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+@pytest.mark.parametrize("harm", HARMFUL)
+def test_no_npz_file_harms(tmp_path, harm):
+    path = tmp_path / "result.npz"
+    path.write_bytes(HARMFUL[harm])
+    tracemalloc.start()
+    start = time.perf_counter()
+    with pytest.raises(InputError, match=r"result\.npz"):
+        read_npz(path)
+    assert time.perf_counter() - start < 10.0
+    assert tracemalloc.get_traced_memory()[1] < 1.5 * ALWAYS_BYTES
+    tracemalloc.stop()
+
+
+def from_archive(path):
+    (path.parent / "result.yaml").write_text(yaml.safe_dump({"arrays_sha256": sha256(path)}), encoding="utf-8")
+    read_archive(path.parent)
+
+
+def from_fit(path):
+    (path.parent / "fit.json").write_text(json.dumps({"kind": "fit", "arrays_sha256": sha256(path)}), encoding="utf-8")
+    path.rename(path.parent / "fit.npz")
+    FIT.read(path.parent)
+
+
+def from_store(path):
+    about = {"key": "k", "arrays_sha256": sha256(path), "table": {}, "missing": [], "wall_s": 1.0}
+    path.with_suffix(".json").write_text(json.dumps(about), encoding="utf-8")
+    if SectionStore(path.parent, "k").read("result") is None:  # it is computed anew
+        raise InputError("damaged")
+
+
+def from_cache(path):
+    store = WalkCache(path.parent)
+    store._path("abc").parent.mkdir()
+    path.rename(store._path("abc"))
+    reply, said = store.read("abc")
+    if reply is None and "damaged" in said:  # it is computed anew
+        raise InputError("damaged")
+
+
+def from_folder(path):
+    (path.parent / "a.json").write_text(json.dumps({"arrays_sha256": sha256(path)}), encoding="utf-8")
+    ResultsFolder(kind="a", command="a", table="a.json", arrays=path.name).read(path.parent)
+
+
+@pytest.mark.parametrize("reader", [from_archive, from_fit, from_store, from_cache, from_folder])
+def test_every_reader_asks_the_same_door(tmp_path, reader):
+    for i, harm in enumerate(("1e13 elements", "encrypted", "bare .npy", "pickle")):
+        path = tmp_path / str(i) / "result.npz"
+        path.parent.mkdir()
+        path.write_bytes(HARMFUL[harm])
+        with pytest.raises(InputError):
+            reader(path)
+
+
+def test_what_numpy_writes_is_read_as_numpy_reads_it(tmp_path):
+    path = tmp_path / "a.npz"
+    for write in (np.savez, np.savez_compressed):
+        write(path, **HONEST)
+        arrays = read_npz(path)
+        assert list(arrays) == list(HONEST)
+        for name, array in HONEST.items():
+            np.testing.assert_array_equal(arrays[name], array)
+            assert arrays[name].dtype == array.dtype and arrays[name].shape == array.shape
+            assert arrays[name].flags.f_contiguous == array.flags.f_contiguous and arrays[name].flags.writeable
+
+
+def test_a_large_honest_file_is_read(tmp_path):
+    path, array = tmp_path / "a.npz", np.arange(9.0 * (ALWAYS_BYTES // 64)).reshape(-1, 9)
+    np.savez(path, array=array)
+    np.testing.assert_array_equal(read_npz(path)["array"], array)

@@ -8,13 +8,19 @@ import pytest
 import yaml
 
 from vsf_drake.errors import InputError
-from vsf_drake.model_file import check_fulcrum, check_model, load_model
+from vsf_drake.model_file import (
+    FOAM_LOADS_N,
+    check_fulcrum,
+    check_model,
+    foam_under_load,
+    load_model,
+    secant_stiffness,
+)
 from vsf_drake.parameters import (
     ContactZone,
     FootParameters,
     FrictionParameters,
     FulcrumParameters,
-    KeelParameters,
     ModelParameters,
     Subject,
 )
@@ -93,31 +99,6 @@ def test_defaults_are_within_their_own_ranges():
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right"}
 
 
-@pytest.mark.parametrize(
-    ("change", "where", "right"),
-    [
-        ({"mass_kg": -3}, "mass_kg", "at least|between"),
-        ({"mass_kg": float("nan")}, "mass_kg", "finite"),
-        ({"mass_kg": "heavy"}, "mass_kg", "not a number"),
-        ({"mass_kg": True}, "mass_kg", "not a number"),
-        ({"stature_m": 181}, "stature_m", "between"),
-        ({"sex": "other"}, "sex", "male, female"),
-        ({"prosthetic_side": "Right"}, "prosthetic_side", "left, right"),
-        ({"statur_m": 1.8}, "statur_m", "Did you mean stature_m"),
-        ({"thigh_length_m": [0.4]}, "thigh_length_m", "single number"),
-    ],
-)
-def test_unphysical_subject_is_refused_with_file_line_and_key(tmp_path, change, where, right):
-    path = tmp_path / "subject.yaml"
-    path.write_text(yaml.safe_dump(SUBJECT | change), encoding="utf-8")
-    with pytest.raises(InputError, match=right) as caught:
-        load_yaml(path, Subject)
-    message = str(caught.value)
-    assert str(path) in message
-    assert where in message
-    assert "line" in message
-
-
 NOT_MEASURED = [field.name for field in dataclasses.fields(Subject) if field.default is None]
 
 
@@ -133,67 +114,6 @@ def test_a_subject_without_measurements_is_written_without_them_and_one_with_all
     assert whole.prosthesis_fore_aft_m == 0.0
 
 
-@pytest.mark.parametrize(("key", "value"), [
-    ("prosthesis_length_m", 440.0), ("prosthesis_alignment_rad", 5.0), ("prosthesis_toe_out_rad", 7.0),
-    ("prosthesis_lateral_m", 12.0), ("prosthetic_thigh_length_m", 0.0)])
-def test_lengths_in_millimetres_and_angles_in_degrees_are_refused(tmp_path, key, value):
-    path = tmp_path / "subject.yaml"
-    path.write_text(yaml.safe_dump(SUBJECT | {key: value}), encoding="utf-8")
-    with pytest.raises(InputError, match=f"{key}.*physical range"):
-        load_yaml(path, Subject)
-
-
-@pytest.mark.parametrize("key", SUBJECT)
-def test_missing_key_is_named(tmp_path, key):
-    path = tmp_path / "subject.yaml"
-    path.write_text(yaml.safe_dump({k: v for k, v in SUBJECT.items() if k != key}), encoding="utf-8")
-    with pytest.raises(InputError, match=f"{key}: the key is missing"):
-        load_yaml(path, Subject)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [("", "is empty"), ("mass_kg: [", "YAML"), ("- 1", "must be a mapping"), ("mass_kg: 70\n" * 2, "twice"),
-     ("mass_kg: !!python/object:os.system 7", "not plain YAML")],
-)
-def test_malformed_yaml_is_refused(tmp_path, text, said):
-    path = tmp_path / "subject.yaml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=said):
-        load_yaml(path, Subject)
-
-
-def test_missing_file_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"none\.yaml: there is no such file"):
-        load_yaml(tmp_path / "none.yaml", Subject)
-
-
-def test_number_without_decimal_point_is_a_number(tmp_path):
-    path = tmp_path / "keel.yaml"
-    path.write_text("flexural_modulus_pa: 2e10\nwidth_m: 1e-1", encoding="utf-8")
-    keel = load_yaml(path, KeelParameters)
-    assert (keel.flexural_modulus_pa, keel.width_m) == (2e10, 0.1)
-
-
-def test_zone_with_lists_of_different_length_is_refused():
-    zone = ContactZone(name="heel", x_mm=(1.0, 2.0), y_mm=(0.0,), rise_mm=(0.0,), radius_m=0.01, stiffness=1e4,
-                       damping_n_s_per_m=100.0)
-    with pytest.raises(InputError, match=r"zones\[0\] \(heel\)"):
-        check_model(ModelParameters(foot=FootParameters(zones=(zone,))))
-
-
-def test_fulcrum_range_must_lie_within_the_keel():
-    foot = FootParameters(fulcrum=FulcrumParameters(foremost_m=0.3))
-    with pytest.raises(InputError, match=r"foot\.fulcrum"):
-        check_model(ModelParameters(foot=foot))
-
-
-@pytest.mark.parametrize("position", [0.05, 0.2, float("nan")])
-def test_fulcrum_outside_the_carriages_reach_is_refused(position):
-    with pytest.raises(InputError, match="between 66 and 151 mm"):
-        check_fulcrum(position, FootParameters())
-
-
 def test_python_users_meet_the_same_checks():
     subject = Subject(**(SUBJECT | {"mass_kg": -1.0}))
     with pytest.raises(InputError, match="mass_kg"):
@@ -203,3 +123,60 @@ def test_python_users_meet_the_same_checks():
     heavy = dataclasses.replace(FootParameters(), mass_kg=float("inf"))
     with pytest.raises(InputError, match=r"foot\.mass_kg"):
         check_model(ModelParameters(foot=heavy))
+
+
+FOOT = FootParameters()
+ZONE = ContactZone(name="heel", x_mm=(1.0, 2.0), y_mm=(0.0,), rise_mm=(0.0,), radius_m=0.01, stiffness=1e4,
+                   damping_n_s_per_m=100.0)
+
+
+def moved(zone, x_mm):
+    return dataclasses.replace(zone, x_mm=(x_mm, *zone.x_mm[1:]))
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"zones": (ZONE,)}, r"zones\[0\] \(heel\): x_mm, y_mm and rise_mm must have the same length"),
+    ({"zones": ()}, r"foot\.zones: there are no contact zones"),
+    ({"zones": (*FOOT.zones[:4], moved(FOOT.zones[4], 400.0))}, r"foot\.zones: .* ahead of the keel"),
+    ({"zones": FOOT.zones[3:]}, "no contact sphere sits on the heel block"),
+    ({"fulcrum": FulcrumParameters(foremost_m=0.3)}, r"foot\.fulcrum: .* within the keel"),
+    ({"load_point_m": 0.3}, "within the keel"),
+    ({"fulcrum": FulcrumParameters(carriage_mass_kg=1.9)}, r"foot\.mass_kg: keel and carriage weigh"),
+    ({"build_height_m": 0.02}, r"foot\.build_height_m: .* leaves no room"),
+])
+def test_parts_that_make_no_foot_are_refused_by_name(change, message):
+    with pytest.raises(InputError, match=f"model.yaml: .*{message}"):
+        check_model(ModelParameters(foot=dataclasses.replace(FOOT, **change)), file="model.yaml")
+
+
+def test_an_intact_foot_without_zones_and_a_fulcrum_out_of_reach_are_refused():
+    intact = dataclasses.replace(ModelParameters().intact_foot, zones=())
+    with pytest.raises(InputError, match=r"intact_foot\.zones: there are no contact zones"):
+        check_model(ModelParameters(intact_foot=intact))
+    for position in (0.05, 0.2, float("nan")):
+        with pytest.raises(InputError, match="between 66 and 151 mm"):
+            check_fulcrum(position, FOOT)
+
+
+def mixed_foot():
+    """Two spheres under the load, of other exponents, one a millimetre higher."""
+    law = {"radius_m": 1e-3, "damping_n_s_per_m": 10.0, "y_mm": (0.0,)}
+    return dataclasses.replace(FOOT, zones=(
+        FOOT.zones[0], ContactZone(name="a", x_mm=(195.0,), rise_mm=(1.0,), stiffness=8e4, **law),
+        ContactZone(name="b", x_mm=(203.0,), rise_mm=(2.0,), stiffness=3e6, exponent=1.7, **law),
+        ContactZone(name="far", x_mm=(229.0,), rise_mm=(0.0,), stiffness=1e9, **law)))
+
+
+def test_spheres_of_several_laws_bear_as_the_power_law_at_both_loads():
+    stiffness, exponent = foam_under_load(mixed_foot())
+    for load in FOAM_LOADS_N:
+        depth = (load / stiffness) ** (1.0 / exponent)
+        assert 8e4 * depth + 3e6 * (depth - 1e-3) ** 1.7 == pytest.approx(load, rel=1e-9)
+        assert secant_stiffness(stiffness, exponent, load) == pytest.approx(load / depth)
+    assert exponent > 1.0
+
+
+def test_a_foam_that_bears_nothing_is_none():
+    zones = tuple(dataclasses.replace(zone, stiffness=1e-2 * (i + 1)) for i, zone in enumerate(mixed_foot().zones))
+    assert foam_under_load(dataclasses.replace(FOOT, zones=zones)) is None
+    assert foam_under_load(dataclasses.replace(FOOT, series_patch_m=1e-3)) is None

@@ -29,7 +29,6 @@ from vsf_drake.report.show.drawing import (
     FIELD_OF_VIEW_DEG,
     RGB,
     add_arrow,
-    columns,
     finish_page,
     open_meshcat,
     shifted,
@@ -163,7 +162,7 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: Frames) -> None:
     meshcat.SetTransform(f"{GROUND}/plane", shifted(middle[0], middle[1], -0.002))
     for name, spacing, shade in (("fine", 0.1, 0.62), ("coarse", 0.5, 0.30)):
         start, end = _grid(low, high, spacing)
-        meshcat.SetLineSegments(f"{GROUND}/{name}", columns(start.T), columns(end.T), 1.0,
+        meshcat.SetLineSegments(f"{GROUND}/{name}", np.asfortranarray(start.T), np.asfortranarray(end.T), 1.0,
                                 Rgba(shade, shade, shade, 1.0))
     forward = walking_direction(result)
     side = np.array([-forward[1], forward[0]]) * (1.0 if result.side == "left" else -1.0)
@@ -173,7 +172,7 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: Frames) -> None:
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
     centre = 0.5 * (path.min(axis=0) + path.max(axis=0))
     eye = centre + distance * (0.96 * side + 0.28 * forward)
-    meshcat.SetCameraPose(columns([*eye, 1.3]), columns([*centre, 0.70]))
+    meshcat.SetCameraPose(np.array([*eye, 1.3]), np.array([*centre, 0.70]))
 
 
 def _grid(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:

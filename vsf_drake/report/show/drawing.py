@@ -6,10 +6,8 @@ import logging
 import re
 import secrets
 import sys
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import escape
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, MeshcatParams, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
@@ -52,14 +50,9 @@ def finish_page(meshcat: Meshcat, title: str, template: str, /, **facts: object)
     return f"{head}{render(template, title=title, **facts)}{tag}{tail}"
 
 
-def columns(values: npt.ArrayLike) -> Any:
-    """`values` as Drake takes vectors, (n,), and points, (3, n); its stubs know no type that NumPy's arrays have."""
-    return np.asfortranarray(values, dtype=float)
-
-
 def shifted(x: float, y: float, z: float) -> RigidTransform:
     """The pose of a frame whose axes are parallel and whose origin is at (x, y, z)."""
-    return RigidTransform(columns((x, y, z)))
+    return RigidTransform(np.array([x, y, z]))
 
 
 def add_arrow(meshcat: Meshcat, path: str, colour: Rgba, *, shaft_radius: float, head: tuple[float, float],
@@ -88,4 +81,4 @@ def add_triad(meshcat: Meshcat, path: str, length: float) -> None:
         meshcat.SetTransform(f"{path}/{axis}", RigidTransform(turn, turn @ np.array([0.0, 0.0, 0.5 * length])))
     strokes = np.array(_STROKES[path[-1]]) * 0.3 * length
     points = np.array([strokes[:, 0] - 0.45 * length, np.zeros(len(strokes)), strokes[:, 1] + 0.1 * length])
-    meshcat.SetLine(f"{path}/letter", columns(points), 3.0, Rgba(0.1, 0.1, 0.1, 1.0))
+    meshcat.SetLine(f"{path}/letter", np.asfortranarray(points), 3.0, Rgba(0.1, 0.1, 0.1, 1.0))

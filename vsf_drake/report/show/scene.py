@@ -33,7 +33,6 @@ from vsf_drake.report.show.drawing import (
     FIELD_OF_VIEW_DEG,
     add_arrow,
     add_triad,
-    columns,
     finish_page,
     open_meshcat,
     shifted,
@@ -191,7 +190,7 @@ class Scene:
             add_triad(self.meshcat, f"{FRAMES}/{letter}", 0.12 if self.what == "person" else 0.05)
         add_arrow(self.meshcat, ARROW, Rgba(0.90, 0.38, 0.00), shaft_radius=0.0035, head=_HEAD_M, shaft_from=-1.0)
         self.meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
-        self.meshcat.SetCameraPose(*map(columns, _CAMERAS[self.what]))
+        self.meshcat.SetCameraPose(*map(np.array, _CAMERAS[self.what]))
         self.draw(self.rest)
 
 
@@ -208,7 +207,7 @@ def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
     body = plant.AddRigidBody("platen", plant.AddModelInstance("machine"),
                               SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1))
     frame = plant.AddFrame(FixedOffsetFrame("platen_rest", plant.world_frame(), place))
-    platen = PrismaticJoint("platen", frame, body.body_frame(), columns(UPWARD))
+    platen = PrismaticJoint("platen", frame, body.body_frame(), UPWARD)
     plant.AddJoint(platen)
     size = (foot.series_patch_m, 1.3 * foot.keel.width_m, _PLATEN_THICKNESS_M)
     draw(plant, body, "platen", Box(*size), PLATEN, (0.0, 0.0, -0.5 * _PLATEN_THICKNESS_M))
