@@ -55,7 +55,7 @@ def fitted_pair(stored: dict[str, Any]) -> Numbers:
         u = fit.parameters.u(pair["values"])
         held = contact_fit.trial(tier, "medium_2")
         comparison, result, _, _ = fit.terms_of(held, None).walk(u, step_s=ContactFitOptions().report_step_s)
-        found = walk_metrics(result, held.prosthetic_plate, comparison=comparison)
+        found = vars(walk_metrics(result, held.prosthetic_plate, comparison=comparison))
         for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl", "stance_model_s"):
             yield f"{tier} medium_2 {key}", found[key], pair["trials"]["medium_2"][key]
         yield f"{tier} stiffness at 66 mm", 1e-3 * fit.bench_stiffness(u)[0], pair["bench"]["model_n_per_mm"][0]

@@ -54,7 +54,7 @@ def main() -> None:
             print(outcome.failure)
             continue
         compared.append((float(position), compare(as_walk(outcome), trial.prosthetic_plate)))
-        rows.append({"fulcrum_mm": round(1e3 * float(position), 6), **scores(outcome)})
+        rows.append({"fulcrum_mm": round(1e3 * float(position), 6), **vars(scores(outcome))})
         print("  ".join(f"{key} {value:.4g}" for key, value in rows[-1].items()))
     if not rows:
         raise SystemExit("every walk failed")

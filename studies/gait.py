@@ -35,7 +35,8 @@ def main() -> None:
         result = walker.result(walk, trial, fit.offsets)
         metrics = walk_metrics(result, trial.prosthetic_plate)
         keel = result.energy_j[:, result.energy_names.index("keel_strain")]
-        rows.append({"fulcrum_mm": 1e3 * fulcrum_m, "keel_energy_j": float(keel.max())} | {k: metrics[k] for k in KEYS})
+        rows.append({"fulcrum_mm": 1e3 * fulcrum_m, "keel_energy_j": float(keel.max())}
+                    | {key: getattr(metrics, key) for key in KEYS})
         print("  ".join(f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
                         for key, value in rows[-1].items()))
     arguments.out.mkdir(parents=True, exist_ok=True)

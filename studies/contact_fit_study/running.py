@@ -84,7 +84,7 @@ def _solve(case: Case) -> ContactFitSolution:
 
 
 def _trial(score: TrialScore) -> dict[str, Any]:
-    kept = {name: score.metrics[name] for name in METRICS}
+    kept = {name: getattr(score.metrics, name) for name in METRICS}
     times = kept["stance_model_s"], kept["stance_measured_s"]
     assert score.sweep is not None
     return {"role": score.role, "fulcrum_mm": score.sweep.true_mm, **kept,

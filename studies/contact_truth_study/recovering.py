@@ -73,7 +73,7 @@ def row(made: Made, found: Search) -> dict[str, Any]:
     errors = []
     for trial, label in zip(fit.trials, fit.labels, strict=True):
         comparison, result, _, _ = fit.terms_of(trial, label).walk(found.u)
-        errors.append(walk_metrics(result, trial.prosthetic_plate, comparison=comparison)["grf_rmse_bw"])
+        errors.append(walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw)
     return {"success": found.success, "cost": found.cost, "evaluations": found.evaluations, "failed": found.failed,
             "parameters": len(off), "identified": sum(identified), "within": sum(identified) - len(outside),
             "outside": outside, "all_within": int(np.sum(np.abs(off) <= WITHIN)), "grf_rmse_bw": errors,

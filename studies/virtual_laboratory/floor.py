@@ -97,7 +97,7 @@ def virtual_walk(trial: Trial, trajectory: CoordinateTrajectory | None = None) -
 def scores(walk: VirtualWalk, plate: PlateRecording) -> dict[str, Any]:
     """SCORES of a walk against a plate, and the stance time's error (s), model minus measured."""
     metrics = walk_metrics(walk, plate)
-    found = {name: metrics[name] for name in SCORES}
+    found = {name: getattr(metrics, name) for name in SCORES}
     times = found["stance_model_s"], found["stance_measured_s"]
     return {**found, "stance_time_error_s": None if None in times else times[0] - times[1]}
 

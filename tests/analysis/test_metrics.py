@@ -10,8 +10,8 @@ import pytest
 from made_results import FOOT_LENGTH_M, LIFT_S, MASS_KG, STRIKE_S, WEIGHT_N, make_plate, make_walk, turned, walk_load
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.metrics import stance_curve, walk_metrics
-from vsf_drake.files import write_json
+from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
+from vsf_drake.files import plain, record, write_json
 
 REQUIRED_KEYS = {
     "grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "impulse_rmse_bws", "impulse_r2", "cop_rmse_fl",
@@ -30,37 +30,37 @@ def rms(values):
 
 def test_walk_that_equals_its_plate_has_no_error():
     m = walk_metrics(make_walk(), make_plate())
-    assert set(m) >= REQUIRED_KEYS
+    assert {*vars(m)} >= REQUIRED_KEYS
     for key in ("grf_rmse_bw", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "impulse_rmse_bws"):
-        assert m[key] < 1e-4, key
-    assert m["cop_rmse_fl"] < 1e-3
+        assert getattr(m, key) < 1e-4, key
+    assert m.cop_rmse_fl < 1e-3
     for key in ("grf_r2", "impulse_r2", "cop_r2"):
-        assert m[key] == pytest.approx(1.0, abs=1e-4), key
-    assert m["vertical_impulse_error"] == pytest.approx(0.0, abs=1e-5)
-    assert m["heel_strike_error_s"] == pytest.approx(0.0, abs=1e-4)
-    assert m["stance_measured_s"] == pytest.approx(m["stance_model_s"], abs=1e-4)
-    assert m["stance_measured_s"] == pytest.approx(LIFT_S - STRIKE_S, abs=0.01)
-    assert m["angle_rmse_deg"] == 0.0
-    assert m["null_model_grf_rmse_bw"] is None
-    assert m["coverage"] == pytest.approx(1.0)
-    assert m["extra_model_stances"] == 0
+        assert getattr(m, key) == pytest.approx(1.0, abs=1e-4), key
+    assert m.vertical_impulse_error == pytest.approx(0.0, abs=1e-5)
+    assert m.heel_strike_error_s == pytest.approx(0.0, abs=1e-4)
+    assert m.stance_measured_s == pytest.approx(m.stance_model_s, abs=1e-4)
+    assert m.stance_measured_s == pytest.approx(LIFT_S - STRIKE_S, abs=0.01)
+    assert m.angle_rmse_deg == 0.0
+    assert m.null_model_grf_rmse_bw is None
+    assert m.coverage == pytest.approx(1.0)
+    assert m.extra_model_stances == 0
 
 
 def test_tenth_more_load_is_a_tenth_more_of_everything():
     m = walk_metrics(make_walk(scale=1.1), make_plate())
     time = scored_time()
     load = walk_load(time) / WEIGHT_N
-    assert m["grf_rmse_bw"] == pytest.approx(0.1 * rms(np.linalg.norm(load, axis=1)), rel=5e-3)
-    assert m["vertical_rmse_bw"] == pytest.approx(0.1 * rms(load[:, 2]), rel=5e-3)
-    assert m["fore_aft_rmse_bw"] == pytest.approx(0.1 * rms(load[:, 0]), rel=5e-3)
-    assert m["medio_lateral_rmse_bw"] == pytest.approx(0.1 * rms(load[:, 1]), rel=2e-2)
-    assert m["vertical_impulse_error"] == pytest.approx(0.1, rel=1e-3)
+    assert m.grf_rmse_bw == pytest.approx(0.1 * rms(np.linalg.norm(load, axis=1)), rel=5e-3)
+    assert m.vertical_rmse_bw == pytest.approx(0.1 * rms(load[:, 2]), rel=5e-3)
+    assert m.fore_aft_rmse_bw == pytest.approx(0.1 * rms(load[:, 0]), rel=5e-3)
+    assert m.medio_lateral_rmse_bw == pytest.approx(0.1 * rms(load[:, 1]), rel=2e-2)
+    assert m.vertical_impulse_error == pytest.approx(0.1, rel=1e-3)
     stance = scored_time(STRIKE_S, LIFT_S)
     cumulative = np.cumsum(np.linalg.norm(walk_load(stance) / WEIGHT_N, axis=1)) * 1e-5
-    assert m["impulse_rmse_bws"] == pytest.approx(0.1 * rms(cumulative), rel=1e-2)
-    peaks = m["stances"][0]
-    assert peaks["model_peaks_bw"]["vertical_first_half"] == pytest.approx(
-        1.1 * peaks["measured_peaks_bw"]["vertical_first_half"], rel=1e-4)
+    assert m.impulse_rmse_bws == pytest.approx(0.1 * rms(cumulative), rel=1e-2)
+    peaks = m.stances[0]
+    assert peaks.model_peaks_bw.vertical_first_half == pytest.approx(
+        1.1 * peaks.measured_peaks_bw.vertical_first_half, rel=1e-4)
 
 
 def test_peaks_are_of_the_halves_of_stance():
@@ -70,9 +70,9 @@ def test_peaks_are_of_the_halves_of_stance():
     body_weights = 0.3 + 0.7 * np.exp(-((share - 0.2) / 0.12) ** 2) + 0.9 * np.exp(-((share - 0.85) / 0.12) ** 2)
     vertical = np.where((share > 0) & (share < 1), WEIGHT_N * body_weights, 0.0)
     plate = dataclasses.replace(plate, force_W=np.outer(vertical, [0, 0, 1]))
-    peaks = walk_metrics(walk, plate)["stances"][0]["measured_peaks_bw"]
-    assert peaks["vertical_first_half"] == pytest.approx(1.0, rel=0.01)
-    assert peaks["vertical_second_half"] == pytest.approx(1.2, rel=0.01)
+    peaks = walk_metrics(walk, plate).stances[0].measured_peaks_bw
+    assert peaks.vertical_first_half == pytest.approx(1.0, rel=0.01)
+    assert peaks.vertical_second_half == pytest.approx(1.2, rel=0.01)
 
 
 def test_resultant_is_the_euclidean_norm():
@@ -81,32 +81,32 @@ def test_resultant_is_the_euclidean_norm():
     plate = make_plate()
     plate = dataclasses.replace(plate, force_W=np.tile([0.0, 0.6, 500.0], (len(plate.time_s), 1)))
     m = walk_metrics(make_walk(grf_W=steady), plate)
-    assert m["grf_rmse_bw"] == pytest.approx(0.0, abs=1e-6)
-    assert m["vertical_rmse_bw"] == pytest.approx(100.0 / WEIGHT_N)
-    assert m["medio_lateral_rmse_bw"] == pytest.approx(299.4 / WEIGHT_N)
+    assert m.grf_rmse_bw == pytest.approx(0.0, abs=1e-6)
+    assert m.vertical_rmse_bw == pytest.approx(100.0 / WEIGHT_N)
+    assert m.medio_lateral_rmse_bw == pytest.approx(299.4 / WEIGHT_N)
 
 
 def test_lateral_force_that_the_plate_does_not_have_is_not_scored():
     plate = make_plate()
     plate = dataclasses.replace(plate, force_W=plate.force_W * [1.0, 0.0, 1.0])
-    assert walk_metrics(make_walk(), plate)["medio_lateral_rmse_bw"] is None
+    assert walk_metrics(make_walk(), plate).medio_lateral_rmse_bw is None
 
 
 def test_late_foot_is_late_because_nothing_is_shifted():
     m = walk_metrics(make_walk(delay_s=0.012), make_plate())
-    assert m["heel_strike_error_s"] == pytest.approx(0.012, abs=2e-4)
-    assert m["toe_off_error_s"] == pytest.approx(0.012, abs=2e-4)
-    assert m["stance_model_s"] == pytest.approx(m["stance_measured_s"], abs=4e-4)
-    assert m["grf_rmse_bw"] > 0.02
+    assert m.heel_strike_error_s == pytest.approx(0.012, abs=2e-4)
+    assert m.toe_off_error_s == pytest.approx(0.012, abs=2e-4)
+    assert m.stance_model_s == pytest.approx(m.stance_measured_s, abs=4e-4)
+    assert m.grf_rmse_bw > 0.02
 
 
 def test_shifted_centre_of_pressure_is_the_shift_in_foot_lengths():
     m = walk_metrics(make_walk(cop_shift=(0.02, -0.01)), make_plate())
-    assert m["cop_rmse_fl"] == pytest.approx(0.02 / FOOT_LENGTH_M, rel=1e-3)
-    assert m["cop_ml_rmse_fl"] == pytest.approx(0.01 / FOOT_LENGTH_M, rel=1e-2)
-    variance = (0.9 * FOOT_LENGTH_M * m["stance_measured_s"] / (LIFT_S - STRIKE_S)) ** 2 / 12.0
-    assert m["cop_r2"] == pytest.approx(1.0 - 0.02**2 / variance, rel=3e-2)
-    assert m["cop_points"] == pytest.approx(101, abs=3)
+    assert m.cop_rmse_fl == pytest.approx(0.02 / FOOT_LENGTH_M, rel=1e-3)
+    assert m.cop_ml_rmse_fl == pytest.approx(0.01 / FOOT_LENGTH_M, rel=1e-2)
+    variance = (0.9 * FOOT_LENGTH_M * m.stance_measured_s / (LIFT_S - STRIKE_S)) ** 2 / 12.0
+    assert m.cop_r2 == pytest.approx(1.0 - 0.02**2 / variance, rel=3e-2)
+    assert m.cop_points == pytest.approx(101, abs=3)
 
 
 @pytest.mark.parametrize("angle", [0.4, np.pi, -2.0])
@@ -114,40 +114,40 @@ def test_metrics_do_not_depend_on_the_direction_of_walking(angle):
     walk, plate = make_walk(scale=0.9, cop_shift=(0.03, 0.01), delay_s=0.01), make_plate()
     straight, oblique = walk_metrics(walk, plate), walk_metrics(*turned(walk, plate, angle))
     for key in (REQUIRED_KEYS | {"cop_ml_rmse_fl", "medio_lateral_rmse_bw"}) - {"null_model_grf_rmse_bw"}:
-        assert oblique[key] == pytest.approx(straight[key], rel=1e-6), key
-    assert np.cos(np.radians(oblique["heading_deg"]) - angle) == pytest.approx(1.0, abs=1e-9)
+        assert getattr(oblique, key) == pytest.approx(getattr(straight, key), rel=1e-6), key
+    assert np.cos(np.radians(oblique.heading_deg) - angle) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_error_outside_stance_and_margin_is_not_scored():
     walk = make_walk()
     extra = 300.0 * (walk.time_s < STRIKE_S - 0.35)[:, None] * [0.0, 0.0, 1.0]
     m = walk_metrics(dataclasses.replace(walk, grf_W=walk.grf_W + extra), make_plate())
-    assert m["grf_rmse_bw"] < 1e-3
-    assert m["extra_model_stances"] == 1
-    assert m["scored_window_s"][0] == pytest.approx([STRIKE_S - 0.25, LIFT_S + 0.25], abs=0.01)
+    assert m.grf_rmse_bw < 1e-3
+    assert m.extra_model_stances == 1
+    assert m.scored_window_s[0] == pytest.approx([STRIKE_S - 0.25, LIFT_S + 0.25], abs=0.01)
 
 
 def test_ripple_above_the_cutoff_is_not_scored():
     walk = make_walk()
     ripple = 100.0 * np.sin(2.0 * np.pi * 250.0 * walk.time_s)
     m = walk_metrics(dataclasses.replace(walk, grf_W=walk.grf_W + ripple[:, None] * [0.0, 0.0, 1.0]), make_plate())
-    assert m["vertical_rmse_bw"] < 0.01 * rms(ripple) / WEIGHT_N + 1e-4
+    assert m.vertical_rmse_bw < 0.01 * rms(ripple) / WEIGHT_N + 1e-4
 
 
 def test_stance_that_the_kinematics_cut_is_scored_where_it_overlaps():
     walk = make_walk(start_s=0.85, end_s=1.5, cop_shift=(0.02, 0.0), scale=1.1)
     m = walk_metrics(walk, make_plate())
-    assert m["stance_measured_s"] is None
-    assert m["stance_model_s"] is None
-    assert m["heel_strike_error_s"] is None
-    assert m["toe_off_error_s"] == pytest.approx(0.0, abs=1e-3)
-    assert [s["complete"] for s in m["stances"]] == [False]
-    assert m["stances"][0]["model_start_s"] is None
-    assert m["cop_rmse_fl"] == pytest.approx(0.02 / FOOT_LENGTH_M, rel=1e-3)
+    assert m.stance_measured_s is None
+    assert m.stance_model_s is None
+    assert m.heel_strike_error_s is None
+    assert m.toe_off_error_s == pytest.approx(0.0, abs=1e-3)
+    assert [s.complete for s in m.stances] == [False]
+    assert m.stances[0].model_start_s is None
+    assert m.cop_rmse_fl == pytest.approx(0.02 / FOOT_LENGTH_M, rel=1e-3)
     seen = (LIFT_S - 0.85) / (LIFT_S - STRIKE_S)
-    assert m["cop_points"] == pytest.approx(101 * seen, abs=3)
-    assert m["vertical_impulse_error"] == pytest.approx(0.1, rel=1e-2)
-    assert m["coverage"] == pytest.approx((1.5 - 0.85) / (LIFT_S - STRIKE_S + 0.5), abs=0.01)
+    assert m.cop_points == pytest.approx(101 * seen, abs=3)
+    assert m.vertical_impulse_error == pytest.approx(0.1, rel=1e-2)
+    assert m.coverage == pytest.approx((1.5 - 0.85) / (LIFT_S - STRIKE_S + 0.5), abs=0.01)
 
 
 def test_percent_of_stance_is_that_of_the_whole_measured_stance():
@@ -161,19 +161,19 @@ def test_percent_of_stance_is_that_of_the_whole_measured_stance():
 
 def test_heel_strikes_are_timed_in_stances_cut_later():
     m = walk_metrics(make_walk(delay_s=-0.008, end_s=1.0), make_plate())
-    assert m["heel_strike_error_s"] == pytest.approx(-0.008, abs=3e-4)
-    assert m["stance_measured_s"] is None
+    assert m.heel_strike_error_s == pytest.approx(-0.008, abs=3e-4)
+    assert m.stance_measured_s is None
 
 
 def test_two_footprints_are_scored_each_about_itself():
     stances = ((0.1, 0.7), (1.2, 1.8))
     walk, plate = make_walk(start_s=0.0, end_s=2.0, stances=stances, cop_shift=(0.02, 0.0)), make_plate(stances=stances)
     m = walk_metrics(walk, plate)
-    assert [s["complete"] for s in m["stances"]] == [True, True]
-    assert m["stance_measured_s"] == pytest.approx(0.6, abs=0.01)
-    assert m["cop_rmse_fl"] == pytest.approx(0.02 / FOOT_LENGTH_M, rel=1e-3)
+    assert [s.complete for s in m.stances] == [True, True]
+    assert m.stance_measured_s == pytest.approx(0.6, abs=0.01)
+    assert m.cop_rmse_fl == pytest.approx(0.02 / FOOT_LENGTH_M, rel=1e-3)
     one = walk_metrics(make_walk(cop_shift=(0.02, 0.0)), make_plate())
-    assert m["cop_r2"] == pytest.approx(one["cop_r2"], rel=2e-2)
+    assert m.cop_r2 == pytest.approx(one.cop_r2, rel=2e-2)
 
 
 def test_centre_of_pressure_is_not_filtered_across_a_gap():
@@ -192,7 +192,7 @@ def test_followed_angles_are_compared_in_degrees_without_translations():
     commanded[:, 3] += np.radians(0.5)
     commanded[:, 0] += 1.0
     m = walk_metrics(dataclasses.replace(walk, prescribed_q=commanded), make_plate())
-    assert m["angle_rmse_deg"] == pytest.approx(0.5 / np.sqrt(2.0))
+    assert m.angle_rmse_deg == pytest.approx(0.5 / np.sqrt(2.0))
 
 
 def test_null_model_is_another_trial_stretched():
@@ -201,36 +201,36 @@ def test_null_model_is_another_trial_stretched():
     curve = stance_curve(other, subject_mass_kg=MASS_KG)
     assert curve.shape == (101,)
     m = walk_metrics(make_walk(), plate, null_curve=curve)
-    assert m["null_model_grf_rmse_bw"] < 0.02
+    assert m.null_model_grf_rmse_bw < 0.02
     flat = walk_metrics(make_walk(), plate, null_curve=np.zeros(101))
     load = np.linalg.norm(walk_load(scored_time()) / WEIGHT_N, axis=1)
-    assert flat["null_model_grf_rmse_bw"] == pytest.approx(rms(load), rel=5e-3)
+    assert flat.null_model_grf_rmse_bw == pytest.approx(rms(load), rel=5e-3)
 
 
 def test_foot_that_never_lands_gives_numbers_and_no_nan(tmp_path):
     walk = make_walk()
     m = walk_metrics(dataclasses.replace(walk, grf_W=0.0 * walk.grf_W, cop_W=walk.cop_W + np.nan), make_plate())
-    assert m["vertical_impulse_error"] == pytest.approx(-1.0)
-    assert m["cop_rmse_fl"] is None
-    assert m["cop_r2"] is None
-    assert m["stance_model_s"] is None
-    write_json(tmp_path / "metrics.json", m)
-    assert json.loads((tmp_path / "metrics.json").read_text()) == m
+    assert m.vertical_impulse_error == pytest.approx(-1.0)
+    assert m.cop_rmse_fl is None
+    assert m.cop_r2 is None
+    assert m.stance_model_s is None
+    write_json(tmp_path / "metrics.json", plain(m))
+    assert record(WalkMetrics, json.loads((tmp_path / "metrics.json").read_text())) == m
 
 
 def test_plate_without_centre_of_pressure_leaves_it_unknown():
     plate = make_plate()
     m = walk_metrics(make_walk(), dataclasses.replace(plate, cop_W=plate.cop_W + np.nan, has_cop=False))
-    assert m["cop_rmse_fl"] is None
-    assert m["grf_rmse_bw"] < 1e-4
+    assert m.cop_rmse_fl is None
+    assert m.grf_rmse_bw < 1e-4
 
 
 def test_walk_without_a_measured_stance_has_no_score():
     m = walk_metrics(make_walk(), make_plate(stances=()))
-    assert m["stances"] == []
-    assert m["grf_rmse_bw"] is None
-    assert m["impulse_rmse_bws"] is None
-    assert m["extra_model_stances"] == 1
+    assert m.stances == ()
+    assert m.grf_rmse_bw is None
+    assert m.impulse_rmse_bws is None
+    assert m.extra_model_stances == 1
 
 
 def test_plate_of_another_time_is_refused():
@@ -245,8 +245,8 @@ def test_slow_plate_and_uneven_steps_are_resampled():
     rows = {f.name: getattr(walk, f.name)[keep] for f in dataclasses.fields(walk)
             if isinstance(getattr(walk, f.name), np.ndarray)}
     m = walk_metrics(dataclasses.replace(walk, **rows), make_plate(rate_hz=100.0))
-    assert m["grf_rmse_bw"] < 0.01
-    assert m["cop_rmse_fl"] < 0.02
+    assert m.grf_rmse_bw < 0.01
+    assert m.cop_rmse_fl < 0.02
 
 
 def test_json_is_sorted_full_precision_and_never_nan(tmp_path):

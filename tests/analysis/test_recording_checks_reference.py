@@ -79,7 +79,7 @@ def test_expected_error_ranks_spoiled_walks_as_the_plate_does():
     for spoil in SPOILED.values():
         told.append(expected_error(examine(spoil(trial)).checks))
         walk = walk_trial(trial_with(spoil(trial), contact), with_fit=True, step_s=2e-3)
-        true.append(walk_metrics(walk.result, trial.prosthetic_plate)["grf_rmse_bw"])
+        true.append(walk_metrics(walk.result, trial.prosthetic_plate).grf_rmse_bw)
     assert spearmanr(told, true)[0] > 0.75
 
 

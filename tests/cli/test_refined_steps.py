@@ -18,8 +18,8 @@ REPORTED = {"offsets": {"height_m": 0.0, "fore_aft_m": 0.0, "alignment_rad": 0.0
 @pytest.mark.parametrize("refined", [0, 5])
 def test_walk_shows_cut_steps_only_if_there_are_any(capsys, refined):
     metrics = walk_metrics(make_walk(refined_steps=refined), make_plate())
-    assert metrics["refined_steps"] == refined
-    print_text("walk", **metrics | REPORTED, offsets_are="not fitted", alignment_deg=0.0)
+    assert metrics.refined_steps == refined
+    print_text("walk", **vars(metrics) | REPORTED, offsets_are="not fitted", alignment_deg=0.0)
     shown = [line.split() for line in capsys.readouterr().out.splitlines() if "cut into smaller ones" in line]
     assert [str(refined) in words for words in shown] == [True] * bool(refined)
 

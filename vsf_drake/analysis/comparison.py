@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from vsf_drake.motion.events import Stance, find_stances, runs
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import low_pass
-from vsf_drake.simulation.results import WalkResult
 
 FORCE_CUTOFF_HZ = 40.0
 COP_CUTOFF_HZ = 6.0
@@ -27,6 +26,18 @@ _SHORTEST_RUN_S = 0.02
 
 if TYPE_CHECKING:
     from vsf_drake.simulation.reactions import ReactionSensitivity
+
+
+class Walked(Protocol):
+    """What a comparison reads of a finished walk; a `WalkResult` has it."""
+
+    @property
+    def time_s(self) -> np.ndarray: ...
+    @property
+    def grf_W(self) -> np.ndarray: ...
+    @property
+    def cop_W(self) -> np.ndarray: ...
+    def column(self, name: str) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +71,7 @@ class Comparison:
         return (self.time_s >= start_s - 1e-9) & (self.time_s <= end_s + 1e-9)
 
 
-def compare(result: WalkResult, plate: PlateRecording) -> Comparison:
+def compare(result: Walked, plate: PlateRecording) -> Comparison:
     """Brings a finished walk and the record of the plate under the prosthetic foot together.
 
     Forces: the plate, which may be longer or shorter, is resampled to the model's instants (and beyond the simulated
@@ -105,7 +116,7 @@ def compare(result: WalkResult, plate: PlateRecording) -> Comparison:
     return comparison
 
 
-def walking_direction(result: WalkResult) -> np.ndarray:
+def walking_direction(result: Walked) -> np.ndarray:
     """(2,) unit vector of the pelvis's mean horizontal velocity in W; W's x where it hardly moves."""
     path = np.array([result.column("pelvis_tx"), -result.column("pelvis_tz")])
     travelled = path[:, -1] - path[:, 0]
@@ -189,7 +200,7 @@ class ComparisonSensitivity:
 
 
 def compare_sensitivity(
-    comparison: Comparison, result: WalkResult, sensitivity: ReactionSensitivity
+    comparison: Comparison, result: Walked, sensitivity: ReactionSensitivity
 ) -> ComparisonSensitivity:
     """Derivatives of what `compare` made of `result`, a finished walk; `sensitivity` is of the same walk."""
     if len(sensitivity.grf_W) != len(result.time_s):

@@ -18,7 +18,10 @@ force that is zero throughout because nobody measured it) is None.
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,7 +37,6 @@ from vsf_drake.analysis.comparison import (
     r_squared,
     rmse,
 )
-from vsf_drake.files import plain
 from vsf_drake.motion.events import find_scuffs, find_stances, runs
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import low_pass
@@ -42,14 +44,89 @@ from vsf_drake.parameters import GRAVITY
 from vsf_drake.sentences import say
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
-OF_THE_RUN = ("simulated_s", "wall_s", "compile_s", "step_s", "unconverged_steps", "refined_steps", "converged",
-              "synthetic")
-"""What the result itself tells under the same name."""
+if TYPE_CHECKING:
+    from vsf_drake.analysis.offsets import OffsetFit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Peaks:
+    """Extremes of the force in one stance (BW), as far as it is simulated; None where no instant of it is."""
+
+    vertical_first_half: float | None
+    vertical_second_half: float | None
+    braking: float | None  # least fore-aft force
+    propulsion: float | None  # largest fore-aft force
+
+
+@dataclass(frozen=True, kw_only=True)
+class StanceMetrics:
+    """One measured stance; times in s on the recording's clock."""
+
+    measured_start_s: float
+    measured_end_s: float
+    model_start_s: float | None
+    model_end_s: float | None
+    complete: bool  # the measured stance lies inside the simulated time as a whole
+    scored_s: tuple[float, float]
+    cop_points: int  # percents of the stance at which both have a centre of pressure
+    model_peaks_bw: Peaks
+    measured_peaks_bw: Peaks
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """How far a walk agrees with its plate, by the definitions above; None for what cannot be known."""
+
+    grf_rmse_bw: float | None
+    grf_r2: float | None
+    vertical_rmse_bw: float | None
+    fore_aft_rmse_bw: float | None
+    medio_lateral_rmse_bw: float | None
+    vertical_impulse_error: float | None  # model over plate, minus one
+    impulse_rmse_bws: float | None
+    impulse_r2: float | None
+    cop_rmse_fl: float | None  # fore-aft
+    cop_ml_rmse_fl: float | None
+    cop_r2: float | None
+    cop_points: int
+    stance_measured_s: float | None  # mean of the stances that are simulated as a whole
+    stance_model_s: float | None
+    heel_strike_error_s: float | None  # positive: the model is late
+    toe_off_error_s: float | None
+    stances: tuple[StanceMetrics, ...]
+    extra_model_stances: int
+    scored_window_s: tuple[tuple[float, float], ...]
+    coverage: float | None  # share of the stances and their margins that is simulated
+    heading_deg: float  # of the walk from W's x axis to its y axis
+    body_weight_n: float
+
+    def peak_vertical_bw(self, side: str) -> float | None:
+        """Largest vertical force (BW) of the "model" or as "measured", of all stances."""
+        peaks = [stance.model_peaks_bw if side == "model" else stance.measured_peaks_bw for stance in self.stances]
+        halves = [half for peak in peaks for half in (peak.vertical_first_half, peak.vertical_second_half)]
+        return max((half for half in halves if half is not None), default=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkMetrics(Agreement):
+    """What `metrics.json` holds of a walk."""
+
+    angle_rmse_deg: float | None  # followed against commanded rotations
+    null_model_grf_rmse_bw: float | None = None  # None without another trial
+    trial: str
+    simulated_s: float
+    wall_s: float
+    compile_s: float
+    step_s: float
+    unconverged_steps: int
+    refined_steps: int
+    converged: bool
+    synthetic: bool
 
 
 def walk_metrics(result: WalkResult, plate: PlateRecording, *, null_curve: np.ndarray | None = None,
-                 comparison: Comparison | None = None) -> dict[str, Any]:
-    """The numbers of `metrics.json` (definitions above); plain values, None for what is unknown.
+                 comparison: Comparison | None = None) -> WalkMetrics:
+    """The numbers of `metrics.json` (definitions above).
 
     Args:
         plate: under the prosthetic foot.
@@ -59,33 +136,58 @@ def walk_metrics(result: WalkResult, plate: PlateRecording, *, null_curve: np.nd
     """
     c = compare(result, plate) if comparison is None else comparison
     weight = result.subject_mass_kg * GRAVITY
-    model, measured = c.model / weight, c.measured / weight
-    resultants = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
+    shared = agreement(c, plate, body_weight_n=weight, foot_length_m=result.foot_length_m)
+    return WalkMetrics(
+        **vars(shared), angle_rmse_deg=_angle_rmse_deg(result),
+        null_model_grf_rmse_bw=None if null_curve is None else _null_rmse(c, weight, null_curve),
+        trial=result.trial_name, simulated_s=result.simulated_s, wall_s=result.wall_s, compile_s=result.compile_s,
+        step_s=result.step_s, unconverged_steps=result.unconverged_steps, refined_steps=result.refined_steps,
+        converged=result.converged, synthetic=result.synthetic)
+
+
+def agreement(c: Comparison, plate: PlateRecording, *, body_weight_n: float, foot_length_m: float) -> Agreement:
+    """The numbers that a comparison with `plate` gives by itself."""
+    model, measured = c.model / body_weight_n, c.measured / body_weight_n
+    resultant, measured_resultant = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
     s, wanted = c.scored, sum(item.measured.duration_s + 2 * MARGIN_S for item in c.stances)
     load, measured_load = float(np.sum(model[s, 2])), float(np.sum(measured[s, 2]))
-    metrics = {
-        "grf_rmse_bw": rmse(resultants[0][s], resultants[1][s]),
-        "grf_r2": r_squared(resultants[0][s], resultants[1][s]),
-        "vertical_rmse_bw": rmse(model[s, 2], measured[s, 2]),
-        "fore_aft_rmse_bw": rmse(model[s, 0], measured[s, 0]),
-        "medio_lateral_rmse_bw": rmse(model[s, 1], measured[s, 1]) if np.any(plate.force_W[:, 1]) else None,
-        "vertical_impulse_error": load / measured_load - 1.0 if measured_load else None,
-        **_impulse(c, *resultants),
-        **_centre_of_pressure(c, result.foot_length_m),
-        **_times(c),
-        "angle_rmse_deg": _angle_rmse_deg(result),
-        "null_model_grf_rmse_bw": None if null_curve is None else _null_rmse(c, resultants[1], null_curve),
-        "stances": [_stance(c, item, model, measured) for item in c.stances],
-        "extra_model_stances": c.extra_model_stances,
-        "scored_window_s": [[c.time_s[start], c.time_s[stop - 1]] for start, stop in runs(s)],
-        "coverage": sum(item.span[1] - item.span[0] for item in c.stances) / wanted if wanted else None,
-        "heading_deg": np.degrees(np.arctan2(c.heading[1], c.heading[0])),
-        "body_weight_n": weight,
-        "trial": result.trial_name,
-        **{name: getattr(result, name) for name in OF_THE_RUN},
-    }
-    content: dict[str, Any] = plain(metrics)
-    return content
+
+    # cumulative impulse (BW s) over each stance
+    rows = [c.within(item.measured.start_s, item.measured.end_s) for item in c.stances]
+    impulse, measured_impulse = (_joined([cumulative_integral(series[own], c.step_s) for own in rows])
+                                 for series in (resultant, measured_resultant))
+
+    # centre of pressure (m) where both have one
+    seen = [np.isfinite(item.model_cop[:, 0]) for item in c.stances]
+    cop = _joined([item.model_cop[own] for item, own in zip(c.stances, seen, strict=True)], width=2)
+    measured_cop = _joined([item.measured_cop[own] for item, own in zip(c.stances, seen, strict=True)], width=2)
+    footprint = np.repeat(np.arange(len(seen)), [np.count_nonzero(own) for own in seen])
+
+    whole = [item for item in c.stances if item.inside]
+    both = [(item.model, item.measured) for item in c.stances if item.model is not None]
+    return Agreement(
+        grf_rmse_bw=_known(rmse(resultant[s], measured_resultant[s])),
+        grf_r2=_known(r_squared(resultant[s], measured_resultant[s])),
+        vertical_rmse_bw=_known(rmse(model[s, 2], measured[s, 2])),
+        fore_aft_rmse_bw=_known(rmse(model[s, 0], measured[s, 0])),
+        medio_lateral_rmse_bw=_known(rmse(model[s, 1], measured[s, 1])) if np.any(plate.force_W[:, 1]) else None,
+        vertical_impulse_error=load / measured_load - 1.0 if measured_load else None,
+        impulse_rmse_bws=_known(rmse(impulse, measured_impulse)),
+        impulse_r2=_known(r_squared(impulse, measured_impulse)),
+        cop_rmse_fl=_known(rmse(cop[:, 0], measured_cop[:, 0]) / foot_length_m),
+        cop_ml_rmse_fl=_known(rmse(cop[:, 1], measured_cop[:, 1]) / foot_length_m),
+        cop_r2=_known(r_squared(cop[:, 0], measured_cop[:, 0], groups=footprint)), cop_points=len(cop),
+        stance_measured_s=_mean([item.measured.duration_s for item in whole]),
+        stance_model_s=_mean([s.model.duration_s for s in whole if s.model is not None and s.model.complete]),
+        heel_strike_error_s=_mean([own.start_s - real.start_s for own, real in both if own.start_seen
+                                   and real.start_seen and real.start_s >= c.time_s[0]]),
+        toe_off_error_s=_mean([own.end_s - real.end_s for own, real in both if own.end_seen
+                               and real.end_seen and real.end_s <= c.time_s[-1]]),
+        stances=tuple(_stance(c, item, model, measured) for item in c.stances),
+        extra_model_stances=c.extra_model_stances,
+        scored_window_s=tuple((float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(s)),
+        coverage=sum(item.span[1] - item.span[0] for item in c.stances) / wanted if wanted else None,
+        heading_deg=float(np.degrees(np.arctan2(c.heading[1], c.heading[0]))), body_weight_n=body_weight_n)
 
 
 def stance_curve(plate: PlateRecording, *, subject_mass_kg: float) -> np.ndarray | None:
@@ -98,42 +200,6 @@ def stance_curve(plate: PlateRecording, *, subject_mass_kg: float) -> np.ndarray
     return np.mean(curves, axis=0) if curves else None
 
 
-def _impulse(c: Comparison, model: np.ndarray, measured: np.ndarray) -> dict[str, float]:
-    """Cumulative impulse (BW s) of the resultant over the stances."""
-    rows = [c.within(item.measured.start_s, item.measured.end_s) for item in c.stances]
-    both = [np.concatenate([np.empty(0), *(cumulative_integral(series[own], c.step_s) for own in rows)])
-            for series in (model, measured)]
-    return {"impulse_rmse_bws": rmse(*both), "impulse_r2": r_squared(*both)}
-
-
-def _centre_of_pressure(c: Comparison, foot_length: float) -> dict[str, Any]:
-    used = [np.isfinite(item.model_cop[:, 0]) for item in c.stances]
-    model, measured = (
-        np.concatenate([np.empty((0, 2)), *(cop[rows] for cop, rows in zip(side, used, strict=True))])
-        for side in ([item.model_cop for item in c.stances], [item.measured_cop for item in c.stances]))
-    footprint = np.repeat(np.arange(len(used)), [np.count_nonzero(rows) for rows in used])
-    return {
-        "cop_rmse_fl": rmse(model[:, 0], measured[:, 0]) / foot_length,
-        "cop_ml_rmse_fl": rmse(model[:, 1], measured[:, 1]) / foot_length,
-        "cop_r2": r_squared(model[:, 0], measured[:, 0], groups=footprint),
-        "cop_points": len(model),
-    }
-
-
-def _times(c: Comparison) -> dict[str, float | None]:
-    """Mean stance times (s) and how late the model is (model minus measured) where both events are seen."""
-    whole = [item for item in c.stances if item.inside]
-    both = [(item.model, item.measured) for item in c.stances if item.model is not None]
-    return {
-        "stance_measured_s": _mean([item.measured.duration_s for item in whole]),
-        "stance_model_s": _mean([s.model.duration_s for s in whole if s.model is not None and s.model.complete]),
-        "heel_strike_error_s": _mean([model.start_s - plate.start_s for model, plate in both if model.start_seen
-                                      and plate.start_seen and plate.start_s >= c.time_s[0]]),
-        "toe_off_error_s": _mean([model.end_s - plate.end_s for model, plate in both if model.end_seen
-                                  and plate.end_seen and plate.end_s <= c.time_s[-1]]),
-    }
-
-
 def _angle_rmse_deg(result: WalkResult) -> float | None:
     """Followed against commanded rotations, pooled over coordinates and instants."""
     rotations = [(i, name) for i, name in enumerate(result.prescribed_names) if coordinate_unit(name) == "rad"]
@@ -143,7 +209,7 @@ def _angle_rmse_deg(result: WalkResult) -> float | None:
     return float(np.degrees(rmse(followed, result.prescribed_q[:, [i for i, _ in rotations]])))
 
 
-def _null_rmse(c: Comparison, measured: np.ndarray, curve: np.ndarray) -> float:
+def _null_rmse(c: Comparison, body_weight_n: float, curve: np.ndarray) -> float | None:
     """Error of a curve that is stretched to each measured stance and zero between them."""
     null = np.zeros(len(c.time_s))
     percent = np.linspace(0.0, 100.0, len(curve))
@@ -153,31 +219,34 @@ def _null_rmse(c: Comparison, measured: np.ndarray, curve: np.ndarray) -> float:
         stretched = np.interp(100.0 * (c.time_s[rows] - start) / (end - start), percent, curve)
         null[rows] = stretched if item.measured.complete else np.nan
     rows = c.scored & np.isfinite(null)
-    return rmse(null[rows], measured[rows])
+    return _known(rmse(null[rows], np.linalg.norm(c.measured[rows] / body_weight_n, axis=1)))
 
 
-def _stance(c: Comparison, item: StanceComparison, model: np.ndarray, measured: np.ndarray) -> dict[str, Any]:
+def _stance(c: Comparison, item: StanceComparison, model: np.ndarray, measured: np.ndarray) -> StanceMetrics:
     start, middle, end = np.linspace(item.measured.start_s, item.measured.end_s, 3)
     first, second, whole = c.within(start, middle), c.within(middle, end), c.within(start, end)
 
-    def peaks(force: np.ndarray) -> dict[str, float]:
-        """Largest vertical load in each half of the stance, and the extremes fore-aft, as far as simulated."""
-        return {"vertical_first_half": np.max(force[first, 2], initial=-np.inf),
-                "vertical_second_half": np.max(force[second, 2], initial=-np.inf),
-                "braking": np.min(force[whole, 0], initial=np.inf),
-                "propulsion": np.max(force[whole, 0], initial=-np.inf)}
+    def peaks(force: np.ndarray) -> Peaks:
+        return Peaks(vertical_first_half=_known(np.max(force[first, 2], initial=-np.inf)),
+                     vertical_second_half=_known(np.max(force[second, 2], initial=-np.inf)),
+                     braking=_known(np.min(force[whole, 0], initial=np.inf)),
+                     propulsion=_known(np.max(force[whole, 0], initial=-np.inf)))
 
-    return {
-        "measured_start_s": item.measured.start_s,
-        "measured_end_s": item.measured.end_s,
-        "model_start_s": item.model.start_s if item.model and item.model.start_seen else None,
-        "model_end_s": item.model.end_s if item.model and item.model.end_seen else None,
-        "complete": item.inside,
-        "scored_s": list(item.span),
-        "cop_points": np.count_nonzero(np.isfinite(item.model_cop[:, 0])),
-        "model_peaks_bw": peaks(model),
-        "measured_peaks_bw": peaks(measured),
-    }
+    return StanceMetrics(
+        measured_start_s=item.measured.start_s, measured_end_s=item.measured.end_s,
+        model_start_s=item.model.start_s if item.model and item.model.start_seen else None,
+        model_end_s=item.model.end_s if item.model and item.model.end_seen else None,
+        complete=item.inside, scored_s=item.span, cop_points=int(np.count_nonzero(np.isfinite(item.model_cop[:, 0]))),
+        model_peaks_bw=peaks(model), measured_peaks_bw=peaks(measured))
+
+
+def _joined(parts: Sequence[np.ndarray], width: int = 1) -> np.ndarray:
+    """(n, width) or, of width 1, (n,) parts one after the other; also of none."""
+    return np.concatenate([np.empty((0, width) if width > 1 else 0), *parts])
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def _mean(values: list[float]) -> float | None:
@@ -193,12 +262,12 @@ FAR_COP_FL = 1.0  # distance between the two centres of pressure (foot lengths) 
 SCUFF_BW = 0.05  # contact of the swinging foot (body weights) that is worth a sentence
 
 
-def doubts(result: WalkResult, comparison: Comparison, metrics: dict[str, Any], fit: Any) -> list[str]:
+def doubts(result: WalkResult, comparison: Comparison, metrics: WalkMetrics, fit: OffsetFit | None) -> list[str]:
     """What in `comparison` and its `walk_metrics` does not look like one person walking over one plate.
 
-    Sentences, each with the likely cause; `fit` is the `OffsetFit` of the offsets, if there was one.
+    Sentences, each with the likely cause; `fit` is that of the offsets, if there was one.
     """
-    weight, time, vertical = metrics["body_weight_n"], result.time_s, result.grf_W[:, 2]
+    weight, time, vertical = metrics.body_weight_n, result.time_s, result.grf_W[:, 2]
     peaks = [np.linalg.norm(comparison.measured[comparison.within(s.measured.start_s, s.measured.end_s)], axis=1).max()
              for s in comparison.stances if s.inside]
     apart = np.concatenate([np.linalg.norm(s.model_cop - s.measured_cop, axis=1) for s in comparison.stances] or [[]])
@@ -207,6 +276,6 @@ def doubts(result: WalkResult, comparison: Comparison, metrics: dict[str, Any], 
         (time >= scuff.start_s) & (time <= scuff.end_s)].max(initial=0.0) / weight}
         for scuff in find_scuffs(time, vertical) if scuff.complete]
     return say("doubts", peak_bw=float(np.mean(peaks)) / weight if peaks else None, usual_bw=USUAL_PEAK_BW,
-               heading_deg=metrics["heading_deg"], apart_m=np.median(apart) if apart.size else None,
-               far_m=FAR_COP_FL * result.foot_length_m, r2=metrics["grf_r2"], fit=fit,
+               heading_deg=metrics.heading_deg, apart_m=np.median(apart) if apart.size else None,
+               far_m=FAR_COP_FL * result.foot_length_m, r2=metrics.grf_r2, fit=fit,
                scuffs=[scuff for scuff in scuffs if scuff["peak_bw"] > SCUFF_BW])

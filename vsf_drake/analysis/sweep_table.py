@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.analysis.comparison import compare
+from vsf_drake.analysis.metrics import agreement
 from vsf_drake.motion.trial_record import Trial
+from vsf_drake.parameters import GRAVITY
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.many.cases import software
 from vsf_drake.simulation.many.run import WalkOutcome
@@ -23,82 +25,169 @@ SCORES = {
     "unconverged_steps": ("1", "steps accepted without convergence"),
     "refined_steps": ("1", "steps cut into smaller ones to converge"),
 }
-"""Scores of a walk by name: unit and meaning."""
+"""Columns of `Scores`: unit and meaning."""
 
 
-def as_walk(outcome: WalkOutcome) -> Any:
-    """A finished walk of a sweep as `compare` and `walk_metrics` read it, from `time_s`, `grf_W` and `cop_W` alone.
+@dataclass(frozen=True, kw_only=True)
+class Scores:
+    """What a finished walk of a sweep says of its plate, see SCORES; None for what cannot be known."""
+
+    grf_rmse_bw: float | None = None
+    cop_rmse_fl: float | None = None
+    vertical_impulse_error: float | None = None
+    peak_vertical_bw: float | None = None
+    unconverged_steps: int | None = None
+    refined_steps: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepRow:
+    """One walk: a line of sweep.csv; with a failure its scores are unknown."""
+
+    trial: str
+    fulcrum_mm: float  # from the keel's posterior end
+    values: Mapping[str, float]  # of the varied variables
+    scores: Scores
+    failure: str
+    notes: tuple[str, ...]
+
+    def cells(self) -> dict[str, str | float | None]:
+        """Column -> value."""
+        return {"trial": self.trial, "fulcrum_mm": self.fulcrum_mm, **self.values, **vars(self.scores),
+                "failure": self.failure, "notes": " | ".join(" ".join(note.split()) for note in self.notes)}
+
+    def varied(self, name: str) -> float:
+        """The value of a quantity that was varied."""
+        return self.fulcrum_mm if name == "fulcrum_mm" else self.values[name]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmallestError:
+    """Of the walks in which the model's foot stood on the ground: the least error, and the varied values there."""
+
+    grf_rmse_bw: float
+    at: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweptTrial:
+    """One trial of a sweep."""
+
+    name: str
+    file: str
+    synthetic: bool
+    inputs: Mapping[str, str]
+    fulcrum_mm: float
+    window_s: tuple[float, float]
+    mass_kg: float
+    measured_peak_vertical_bw: float | None
+    notes: tuple[str, ...]
+    finished: int
+    smallest_error: SmallestError | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowNotes:
+    """Doubts about the walk of a row, counted from 1."""
+
+    row: int
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepTable:
+    """What sweep.json holds."""
+
+    kind: Literal["sweep"] = "sweep"
+    walks: int
+    failed: int
+    failures: tuple[str, ...]
+    with_notes: int
+    notes: tuple[RowNotes, ...]
+    unconverged_steps: int
+    refined_steps: int
+    varied: tuple[str, ...]
+    plan: Mapping[str, object]  # what was asked for
+    software: Mapping[str, str]
+    columns: Mapping[str, Mapping[str, str | float]]  # of sweep.csv: unit, meaning, value in the model
+    trials: tuple[SweptTrial, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SweptWalk:
+    """A finished walk of a sweep as `compare` reads it; arrays as in `WalkResult`.
 
     The pelvis, whose path gives the walking direction, must be prescribed: its history is that of the recording.
     """
-    trial, time = outcome.case.trial, outcome.arrays["time_s"]
 
-    def column(name: str) -> np.ndarray:
-        recorded: np.ndarray = trial.trajectory.ordered((name,)).sample(time)[0][:, 0]
-        return recorded + outcome.case.values.get(f"coordinate.{name}", 0.0)
+    outcome: WalkOutcome
+    time_s: np.ndarray
+    grf_W: np.ndarray
+    cop_W: np.ndarray
 
-    return SimpleNamespace(
-        **outcome.arrays, column=column, prescribed_names=(), subject_mass_kg=trial.subject.mass_kg,
-        foot_length_m=trial.model.foot.length_m, simulated_s=float(time[-1] - time[0]) + outcome.case.step_s,
-        wall_s=outcome.wall_s, compile_s=None, step_s=outcome.case.step_s,
-        unconverged_steps=outcome.unconverged_steps, refined_steps=outcome.refined_steps,
-        converged=outcome.unconverged_steps == 0, trial_name=trial.name, synthetic=trial.synthetic)
+    def column(self, name: str) -> np.ndarray:
+        """(n,) history of one prescribed coordinate."""
+        case = self.outcome.case
+        recorded: np.ndarray = case.trial.trajectory.ordered((name,)).sample(self.time_s)[0][:, 0]
+        return recorded + case.values.get(f"coordinate.{name}", 0.0)
 
 
-def scores(outcome: WalkOutcome) -> dict[str, Any]:
-    """SCORES of a finished walk; None for what cannot be known."""
-    return _scores(walk_metrics(as_walk(outcome), outcome.case.trial.prosthetic_plate))
+def as_walk(outcome: WalkOutcome) -> SweptWalk:
+    """A finished walk as `compare` reads it."""
+    return SweptWalk(outcome, **{name: outcome.arrays[name] for name in ("time_s", "grf_W", "cop_W")})
+
+
+def scores(outcome: WalkOutcome) -> Scores:
+    """Scores of a finished walk; ValueError if it has no instant in common with the plate."""
+    return _scores(outcome)[0]
+
+
+def _scores(outcome: WalkOutcome) -> tuple[Scores, float | None]:
+    """With the largest vertical force (BW) that the plate measured."""
+    trial = outcome.case.trial
+    plate = trial.prosthetic_plate
+    told = agreement(compare(as_walk(outcome), plate), plate, body_weight_n=trial.subject.mass_kg * GRAVITY,
+                     foot_length_m=trial.model.foot.length_m)
+    return Scores(
+        grf_rmse_bw=told.grf_rmse_bw, cop_rmse_fl=told.cop_rmse_fl, vertical_impulse_error=told.vertical_impulse_error,
+        peak_vertical_bw=told.peak_vertical_bw("model"), unconverged_steps=outcome.unconverged_steps,
+        refined_steps=outcome.refined_steps), told.peak_vertical_bw("measured")
 
 
 def sweep_table(
     outcomes: Sequence[WalkOutcome], trials: Mapping[str, Trial], *, variables: Mapping[str, Variable], fulcrum: bool,
-    plan: Mapping[str, Any], show: Callable[[float], None]
-) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    plan: Mapping[str, object], show: Callable[[float], None]
+) -> tuple[SweepTable, list[SweepRow]]:
     """What sweep.json holds, and the rows of sweep.csv.
 
     The `outcomes` are of walks of the `trials`, which are given by the names that the table shall have; `variables`
     were varied, and the `fulcrum`; `plan` is what was asked for; `show` is called with the finished fraction.
     """
-    rows: list[dict[str, Any]] = []
-    peaks, name_of = dict[str, float | None](), {id(trial): name for name, trial in trials.items()}
+    rows: list[SweepRow] = []
+    measured_peaks, name_of = dict[str, float | None](), {id(trial): name for name, trial in trials.items()}
     for i, outcome in enumerate(outcomes):
-        case, failure, found = outcome.case, outcome.failure or "", dict[str, Any]()
+        case, failure, walk_scores = outcome.case, outcome.failure or "", Scores()
         name = name_of[id(case.trial)]
         if outcome.ok:
             try:
-                metrics = walk_metrics(as_walk(outcome), case.trial.prosthetic_plate)
-                found = _scores(metrics)
-                peaks.setdefault(name, _peak(metrics, "measured_peaks_bw"))
+                walk_scores, measured_peak = _scores(outcome)
+                measured_peaks.setdefault(name, measured_peak)
             except ValueError as error:  # no instant in common with the plate
                 failure = str(error)
-        at = case.trial.fulcrum_m if case.fulcrum_m is None else case.fulcrum_m
-        rows.append({
-            "trial": name, "fulcrum_mm": round(1e3 * float(at), 9),  # type: ignore[arg-type]
-            **{key: case.values[key] for key in variables}, **{key: found.get(key) for key in SCORES},
-            "failure": " ".join(failure.split()),
-            "notes": " | ".join(" ".join(note.split()) for note in outcome.notes)})
+        at = case.fulcrum_m
+        position_m = case.trial.fulcrum_m if at is None or callable(at) else at
+        rows.append(SweepRow(
+            trial=name, fulcrum_mm=round(1e3 * position_m, 9), scores=walk_scores, notes=outcome.notes,
+            values={key: case.values[key] for key in variables}, failure=" ".join(failure.split())))
         show((i + 1) / len(outcomes))
-    varied = [*(["fulcrum_mm"] if fulcrum else []), *variables]
-    failures = [row["failure"] for row in rows if row["failure"]]
-    told = []
-    for name, trial in trials.items():
-        own = [row for row in rows if row["trial"] == name and row["grf_rmse_bw"] is not None]
-        # where the foot of the model stood on the ground in a measured stance
-        stood = [row for row in own if row["cop_rmse_fl"] is not None and row["peak_vertical_bw"]]
-        best = min(stood, key=lambda row: row["grf_rmse_bw"], default=None)
-        told.append({
-            "name": name, "file": str(trial.path), "synthetic": trial.synthetic, "inputs": trial.inputs,
-            "fulcrum_mm": round(1e3 * trial.fulcrum_m, 9), "window_s": [trial.start_s, trial.end_s],
-            "mass_kg": trial.subject.mass_kg, "measured_peak_vertical_bw": peaks.get(name), "notes": list(trial.notes),
-            "finished": len(own), "smallest_error": None if best is None else {
-                "grf_rmse_bw": best["grf_rmse_bw"], "at": {key: best[key] for key in varied}}})
-    return {
-        "kind": "sweep", "walks": len(rows), "failed": len(failures), "failures": failures,
-        "with_notes": sum(bool(outcome.notes) for outcome in outcomes),
-        "notes": [{"row": i + 1, "notes": outcome.notes} for i, outcome in enumerate(outcomes) if outcome.notes],
-        "unconverged_steps": sum(row["unconverged_steps"] or 0 for row in rows),
-        "refined_steps": sum(row["refined_steps"] or 0 for row in rows),
-        "varied": varied, "plan": to_plain(dict(plan)), "software": software(), "columns": {
+    varied = (*(["fulcrum_mm"] if fulcrum else []), *variables)
+    failures = tuple(row.failure for row in rows if row.failure)
+    return SweepTable(
+        walks=len(rows), failed=len(failures), failures=failures, with_notes=sum(bool(row.notes) for row in rows),
+        notes=tuple(RowNotes(row=i, notes=row.notes) for i, row in enumerate(rows, start=1) if row.notes),
+        unconverged_steps=sum(row.scores.unconverged_steps or 0 for row in rows),
+        refined_steps=sum(row.scores.refined_steps or 0 for row in rows),
+        varied=varied, plan=to_plain(dict(plan)), software=software(), columns={
             "trial": {"meaning": "name of the trial"},
             "fulcrum_mm": {"unit": "mm", "meaning": "fulcrum from the keel's posterior end"},
             **{name: {"unit": v.unit, "meaning": "added to what is there" if v.added else "instead of the model's",
@@ -106,15 +195,20 @@ def sweep_table(
             **{name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in SCORES.items()},
             "failure": {"meaning": "why there are no scores; empty if there are"},
             "notes": {"meaning": "doubts about the walk, with | between them"}},
-        "trials": told}, rows
+        trials=tuple(_swept_trial(name, trial, [row for row in rows if row.trial == name], varied,
+                                  measured_peaks.get(name)) for name, trial in trials.items())), rows
 
 
-def _scores(metrics: Mapping[str, Any]) -> dict[str, Any]:
-    found = {name: metrics[name] for name in SCORES if name in metrics}
-    return {**found, "peak_vertical_bw": _peak(metrics, "model_peaks_bw")}
-
-
-def _peak(metrics: Mapping[str, Any], side: str) -> float | None:
-    halves = ("vertical_first_half", "vertical_second_half")
-    found = [stance[side][half] for stance in metrics["stances"] for half in halves]
-    return max((value for value in found if value is not None), default=None)
+def _swept_trial(name: str, trial: Trial, rows: Sequence[SweepRow], varied: Sequence[str],
+                 measured_peak: float | None) -> SweptTrial:
+    errors = [(row.scores.grf_rmse_bw, row) for row in rows if row.scores.grf_rmse_bw is not None]
+    # where the foot of the model stood on the ground in a measured stance
+    stood = [(error, row) for error, row in errors
+             if row.scores.cop_rmse_fl is not None and row.scores.peak_vertical_bw]
+    least, best = min(stood, key=lambda pair: pair[0], default=(0.0, None))
+    return SweptTrial(
+        name=name, file=str(trial.path), synthetic=trial.synthetic, inputs=trial.inputs,
+        fulcrum_mm=round(1e3 * trial.fulcrum_m, 9), window_s=(trial.start_s, trial.end_s),
+        mass_kg=trial.subject.mass_kg, measured_peak_vertical_bw=measured_peak, notes=tuple(trial.notes),
+        finished=len(errors), smallest_error=None if best is None else SmallestError(
+            grf_rmse_bw=least, at={key: best.varied(key) for key in varied}))

@@ -117,13 +117,13 @@ def sweep(
         with progress() as show:
             table, rows = sweep_table(outcomes, loaded, variables=varied, fulcrum=bool(positions), plan=plan,
                                       show=lambda f: show("comparing", f))
-            table = write_sweep(table, rows, out)
+            write_sweep(table, rows, out)
     except KeyboardInterrupt:
         interrupted(f"; the finished walks are in {out / 'cache'}: the same command goes on from them")
-    print_text("sweep", **table)
+    print_text("sweep", **vars(table))
     write_sweep_figure(table, rows, out)
     say(f"written to {out}")
-    if table["failed"] == table["walks"]:
+    if table.failed == table.walks:
         sys.exit(SimulationError.exit_code)
 
 

@@ -15,6 +15,8 @@ from matplotlib.patches import Patch
 
 from vsf_drake.analysis.bench_metrics import closed_form_stiffness, displacement, published_stiffness
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
+from vsf_drake.analysis.metrics import Agreement
+from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.report.style import (
@@ -111,14 +113,14 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: Mapping[str, Any]) -
     label(axes, x="fulcrum from the keel's posterior end (mm)", y="stiffness (N/mm)", title="Stiffness above 200 N")
 
 
-def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Mapping[str, Any]) -> Figure:
+def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -> Figure:
     """A finished walk beside the plate under the prosthetic foot: forces, centre of pressure and the load of each zone.
 
     Forces are those that the metrics score (40 Hz, time-locked), `walk_metrics(result, plate)`. Stances that the
     simulated time cuts are shaded.
     """
     comparison = compare(result, plate)
-    model, measured = (force / metrics["body_weight_n"] for force in (comparison.model, comparison.measured))
+    model, measured = (force / metrics.body_weight_n for force in (comparison.model, comparison.measured))
     fulcrum = float(np.median(result.fulcrum_m))
     colour = condition_colour(fulcrum)
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
@@ -126,10 +128,10 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Mapping[str,
     with drawing(11.0, 8.2) as figure:
         panels = figure.subplots(3, 2)
         for axes, name, column, error in (
-                (panels[0, 0], "Resultant", None, metrics["grf_rmse_bw"]),
-                (panels[0, 1], "Vertical", 2, metrics["vertical_rmse_bw"]),
-                (panels[1, 0], "Fore-aft (forward +)", 0, metrics["fore_aft_rmse_bw"]),
-                (panels[1, 1], "Medio-lateral (left +)", 1, metrics["medio_lateral_rmse_bw"])):
+                (panels[0, 0], "Resultant", None, metrics.grf_rmse_bw),
+                (panels[0, 1], "Vertical", 2, metrics.vertical_rmse_bw),
+                (panels[1, 0], "Fore-aft (forward +)", 0, metrics.fore_aft_rmse_bw),
+                (panels[1, 1], "Medio-lateral (left +)", 1, metrics.medio_lateral_rmse_bw)):
             _shade(axes, comparison)
             for force, look in ((measured, MEASURED), (model, SIMULATED)):
                 shown = np.linalg.norm(force, axis=1) if column is None else force[:, column]
@@ -175,7 +177,7 @@ def _shade(axes: Axes, comparison: Comparison) -> None:
             axes.axvline(instant, color=NEUTRAL, linewidth=0.7, linestyle=":")
 
 
-def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, metrics: Mapping[str, Any],
+def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, metrics: Agreement,
                         colour: Any) -> None:
     """Fore-aft centre of pressure in foot lengths ahead of the plate's rearmost one in each footprint."""
     several = len(comparison.stances) > 1
@@ -189,13 +191,13 @@ def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, 
         axes.plot(PERCENT, measured, color=colour, **MEASURED)
         axes.plot(PERCENT, model, color=colour, marker=MARKERS[number % len(MARKERS)] if several else "",
                   markevery=(5 * number, 12), markersize=4.5, label=f"stance {number}, simulated", **SIMULATED)
-    if not metrics["cop_points"]:
+    if not metrics.cop_points:
         axes.text(0.5, 0.5, "no centre of pressure in common", transform=axes.transAxes, ha="center", color="0.35")
     if 1 < len(axes.get_legend_handles_labels()[0]) <= MOST_LABELLED:
         axes.legend(loc="upper left")
     axes.set_xlim(0.0, 100.0)
     label(axes, x="measured stance (%)", y="ahead of the plate's\nrearmost point (foot lengths)",
-          title="Centre of pressure along the foot" + _error(metrics["cop_rmse_fl"], "FL"))
+          title="Centre of pressure along the foot" + _error(metrics.cop_rmse_fl, "FL"))
 
 
 def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
@@ -257,27 +259,26 @@ def _drift(axes: Axes, table: Mapping[str, Any]) -> None:
           title=f"How still: let go {table['let_go_off_rest']['raised_mm']:g} mm off rest")
 
 
-def sweep_figure(table: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> Figure:
+def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
     """Errors against the plate and the peak force over the one quantity that is varied, one line a trial."""
-    [name] = table["varied"]
-    trials, column = table["trials"], table["columns"][name]
-    values = [row[name] for row in rows]
+    [name] = table.varied
+    trials, column = table.trials, table.columns[name]
+    values = [row.varied(name) for row in rows]
     with drawing(9.6, 4.0 + 0.16 * len(trials)) as figure:
         for axes, (key, factor, y, title) in zip(figure.subplots(1, 3), _PANELS, strict=True):
             lines = []
             for number, trial in enumerate(trials):
-                own = [row for row in rows if row["trial"] == trial["name"]]
-                colour = condition_colour(1e-3 * trial["fulcrum_mm"])
-                known = sorted((row[name], factor * row[key]) for row in own if row[key] is not None)
+                own = [row for row in rows if row.trial == trial.name]
+                colour = condition_colour(1e-3 * trial.fulcrum_mm)
+                scores = [(row.varied(name), getattr(row.scores, key)) for row in own]
+                known = sorted((x, factor * score) for x, score in scores if score is not None)
                 lines += axes.plot([x for x, _ in known], [y for _, y in known], marker=MARKERS[number % len(MARKERS)],
                                    markersize=4, linewidth=1.4, color=colour)
-                for row in own:
-                    if row["failure"]:
-                        axes.plot(row[name], 0.02, marker="x", color=colour, transform=axes.get_xaxis_transform(),
-                                  clip_on=False)
-                if key == "peak_vertical_bw" and trial["measured_peak_vertical_bw"] is not None:
-                    axes.axhline(trial["measured_peak_vertical_bw"], color=colour, linestyle=":", linewidth=1.2)
-            for value in {column["in_the_model"]} if "in_the_model" in column else {t["fulcrum_mm"] for t in trials}:
+                for lost in (row.varied(name) for row in own if row.failure):
+                    axes.plot(lost, 0.02, marker="x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)
+                if key == "peak_vertical_bw" and trial.measured_peak_vertical_bw is not None:
+                    axes.axhline(trial.measured_peak_vertical_bw, color=colour, linestyle=":", linewidth=1.2)
+            for value in {column["in_the_model"]} if "in_the_model" in column else {t.fulcrum_mm for t in trials}:
                 axes.axvline(value, color=NEUTRAL, linewidth=5.0, alpha=0.35, zorder=0)
             if min(values) > 0.0 and max(values) / min(values) > _WIDE:
                 log_scale(axes.xaxis)
@@ -285,10 +286,10 @@ def sweep_figure(table: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
         figure.axes[1].set_xlabel("fulcrum from the keel's posterior end (mm)" if name == "fulcrum_mm"
                                   else f"{name} ({column['unit']})")
         # legends leave out what begins with an underscore
-        figure.legend(lines, [f" {trial['name']}" if trial["name"].startswith("_") else trial["name"]
+        figure.legend(lines, [f" {trial.name}" if trial.name.startswith("_") else trial.name
                               for trial in trials], loc="outside lower left")
-        synthetic = " (SYNTHETIC)" if any(trial["synthetic"] for trial in trials) else ""
-        failed = f", {table['failed']} FAILED" if table["failed"] else ""
-        figure.suptitle(f"{table['walks']} walks{synthetic}{failed}; shaded: the trial's own value; dotted: measured "
+        synthetic = " (SYNTHETIC)" if any(trial.synthetic for trial in trials) else ""
+        failed = f", {table.failed} FAILED" if table.failed else ""
+        figure.suptitle(f"{table.walks} walks{synthetic}{failed}; shaded: the trial's own value; dotted: measured "
                         "peak", x=0.01, ha="left", fontsize=10)
     return figure

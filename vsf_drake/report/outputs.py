@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,9 @@ from vsf_drake.analysis.bench_metrics import bench_table
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.metrics import doubts, walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit
+from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
 from vsf_drake.errors import InputError
-from vsf_drake.files import read_json
+from vsf_drake.files import plain, read_json
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.report.figures import bench_figure, standing_figure, sweep_figure, walk_figure
 from vsf_drake.report.page import write_csv
@@ -50,8 +51,9 @@ def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: Offset
     plate = trial.prosthetic_plate
     comparison = compare(result, plate)
     metrics = walk_metrics(result, plate, comparison=comparison)
-    metrics |= {"offsets": to_plain(result.parameters["offsets"]), "offset_fit": None if fit is None else to_plain(fit),
-                "doubts": doubts(result, comparison, metrics, fit), "notes": list(result.notes)}
+    table = {**plain(metrics), "offsets": to_plain(result.parameters["offsets"]),
+             "offset_fit": None if fit is None else to_plain(fit),
+             "doubts": doubts(result, comparison, metrics, fit), "notes": list(result.notes)}
 
     def more(folder: Path, table: dict[str, Any]) -> None:
         save_walk(result, folder)
@@ -59,7 +61,7 @@ def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: Offset
         if replay:
             write_replay(result, folder / "replay.html", plate=plate)
 
-    return WALK.write(out, metrics, more=more)
+    return WALK.write(out, table, more=more)
 
 
 def write_standing(standing: Standing, out: str | Path) -> dict[str, Any]:
@@ -91,15 +93,15 @@ def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
                          right="Choose another folder for this sweep")
 
 
-def write_sweep(table: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], out: Path) -> dict[str, Any]:
-    """Writes `sweep_table` and removes the figure of an earlier sweep; returns what is in sweep.json."""
-    return SWEEP.write(out, table, more=lambda folder, table: write_csv(
-        folder / "sweep.csv", rows[0], (row.values() for row in rows)))
+def write_sweep(table: SweepTable, rows: Sequence[SweepRow], out: Path) -> None:
+    """Writes sweep.json and sweep.csv and removes the figure of an earlier sweep."""
+    SWEEP.write(out, plain(table), more=lambda folder, table: write_csv(
+        folder / "sweep.csv", rows[0].cells(), (row.cells().values() for row in rows)))
 
 
-def write_sweep_figure(table: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], out: Path) -> None:
+def write_sweep_figure(table: SweepTable, rows: Sequence[SweepRow], out: Path) -> None:
     """Writes sweep.png and sweep.svg if one quantity was varied and any walk has scores."""
-    if len(table["varied"]) == 1 and any(row["grf_rmse_bw"] is not None for row in rows):
+    if len(table.varied) == 1 and any(row.scores.grf_rmse_bw is not None for row in rows):
         with result_folder(out, SWEEP.kind, add=True) as folder:
             try:
                 save_figure(sweep_figure(table, rows), folder / "sweep")

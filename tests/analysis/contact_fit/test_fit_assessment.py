@@ -96,15 +96,15 @@ def test_scores_are_the_metrics_of_fitted_and_held_out_trials_in_order(fit_walke
         comparison, result = model.predict(trial, None, step_s=2e-3)
         wanted = walk_metrics(result, trial.prosthetic_plate, comparison=comparison)
         for name in ("grf_rmse_bw", "cop_rmse_fl", "impulse_rmse_bws"):
-            assert score.metrics[name] == pytest.approx(wanted[name], rel=1e-12)
+            assert getattr(score.metrics, name) == pytest.approx(getattr(wanted, name), rel=1e-12)
         curves, weight = score.curves, wanted["body_weight_n"]
         np.testing.assert_allclose(curves["model_bw"] * weight, comparison.model)
         assert {len(curves[n]) for n in ("time_s", "model_bw", "measured_bw")} == {len(comparison.time_s)}
         np.testing.assert_allclose(curves["cop_model_fl"] * result.foot_length_m, comparison.stances[0].model_cop[:, 0])
         assert score.sweep is None
     held, fitted = found.mean("held out", "grf_rmse_bw"), found.mean("fitted", "grf_rmse_bw")
-    assert held == found.scores[2].metrics["grf_rmse_bw"]
-    assert fitted == pytest.approx(np.mean([s.metrics["grf_rmse_bw"] for s in found.scores[:2]]))
+    assert held == found.scores[2].metrics.grf_rmse_bw
+    assert fitted == pytest.approx(np.mean([s.metrics.grf_rmse_bw for s in found.scores[:2]]))
     assert found.mean("expected", "grf_rmse_bw") is None
     assert found.left_out == () and found.bench is None
 
@@ -125,14 +125,14 @@ def test_null_model_is_the_best_stretched_curve_of_another_fitted_trial(fit_walk
             share = (comparison.time_s - stance.start_s) / stance.duration_s
             null = np.interp(share, np.linspace(0.0, 1.0, 101), curve, left=0.0, right=0.0)
             errors.append(np.sqrt(np.mean((null - measured)[comparison.scored] ** 2)))
-        assert found[label].metrics["null_model_grf_rmse_bw"] == pytest.approx(min(errors), rel=1e-3), label
+        assert found[label].metrics.null_model_grf_rmse_bw == pytest.approx(min(errors), rel=1e-3), label
 
 
 def test_a_single_fitted_trial_is_its_own_null_models_only_source(fit_walker, trials):
     model = Model(fit_walker, [trials["low_1"]])
     scores = assess(model, [trials["high_1"]], sweep=False).scores
-    assert scores[0].metrics["null_model_grf_rmse_bw"] is None
-    assert scores[1].metrics["null_model_grf_rmse_bw"] > 0.0
+    assert scores[0].metrics.null_model_grf_rmse_bw is None
+    assert scores[1].metrics.null_model_grf_rmse_bw > 0.0
 
 
 @pytest.mark.parametrize("best", [0.07, 0.1, 0.1234, 0.148])

@@ -89,11 +89,11 @@ def test_trials_come_with_role_scores_and_hashes_of_their_files(table, judged, h
     assert [(row["label"], row["role"]) for row in table["trials"]] == [
         ("low_1", "fitted"), ("high_1", "fitted"), ("medium_1", "held out")]
     for row, score in zip(table["trials"], judged.scores, strict=True):
-        assert row["metrics"]["grf_rmse_bw"] == score.metrics["grf_rmse_bw"]
+        assert row["metrics"]["grf_rmse_bw"] == score.metrics.grf_rmse_bw
         assert row["stance_error_s"] == pytest.approx(
-            score.metrics["stance_model_s"] - score.metrics["stance_measured_s"], abs=1e-12)
+            score.metrics.stance_model_s - score.metrics.stance_measured_s, abs=1e-12)
         assert row["sweep"]["true_mm"] == row["fulcrum_mm"] and row["sweep"]["right"] == score.sweep.right
-        assert row["null_model_grf_rmse_bw"] == score.metrics["null_model_grf_rmse_bw"] > 0.0
+        assert row["null_model_grf_rmse_bw"] == score.metrics.null_model_grf_rmse_bw > 0.0
         assert row["floor_grf_rmse_bw"] is None and row["synthetic"]
     for file, digest in held.inputs.items():
         assert table["inputs_sha256"][f"medium_1: {file}"] == digest

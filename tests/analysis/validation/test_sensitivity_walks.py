@@ -49,11 +49,11 @@ def walked(walks: DesignWalks, trial: int, values: dict[str, float]):
 def test_the_studys_own_walks_have_the_errors_that_the_metrics_say(walks):
     baseline = walks.baseline()
     for row, walk in zip(baseline, embedded_study().walks, strict=True):
-        assert row[OUTPUTS.index("grf_rmse_bw")] == pytest.approx(walk.metrics["grf_rmse_bw"], rel=1e-12)
-        assert row[OUTPUTS.index("cop_rmse_fl")] == pytest.approx(walk.metrics["cop_rmse_fl"], rel=1e-12)
-        peaks = walk.metrics["stances"][0]["model_peaks_bw"]
+        assert row[OUTPUTS.index("grf_rmse_bw")] == pytest.approx(walk.metrics.grf_rmse_bw, rel=1e-12)
+        assert row[OUTPUTS.index("cop_rmse_fl")] == pytest.approx(walk.metrics.cop_rmse_fl, rel=1e-12)
+        peaks = walk.metrics.stances[0].model_peaks_bw
         assert row[OUTPUTS.index("peak_vertical_bw")] == pytest.approx(
-            max(peaks["vertical_first_half"], peaks["vertical_second_half"]), rel=1e-12)
+            max(peaks.vertical_first_half, peaks.vertical_second_half), rel=1e-12)
 
 
 def test_a_changed_walk_is_scored_as_comparison_and_metrics_would(walks, factors):
@@ -65,9 +65,9 @@ def test_a_changed_walk_is_scored_as_comparison_and_metrics_would(walks, factors
     comparison = compare(result, plate)
     metrics = walk_metrics(result, plate, comparison=comparison)
     found = dict(zip(OUTPUTS, walks(np.array([[1.0, 0.0]]), factors=chosen)[0, 1], strict=True))
-    assert metrics["grf_rmse_bw"] > 0.05, "the change is not seen at all"
-    assert found["grf_rmse_bw"] == pytest.approx(metrics["grf_rmse_bw"], rel=1e-9)
-    assert found["cop_rmse_fl"] == pytest.approx(metrics["cop_rmse_fl"], rel=1e-9)
+    assert metrics.grf_rmse_bw > 0.05, "the change is not seen at all"
+    assert found["grf_rmse_bw"] == pytest.approx(metrics.grf_rmse_bw, rel=1e-9)
+    assert found["cop_rmse_fl"] == pytest.approx(metrics.cop_rmse_fl, rel=1e-9)
     stance = comparison.stances[0]
     assert found["cop_shift_mm"] == pytest.approx(
         1e3 * np.nanmean(stance.model_cop[:, 0] - stance.measured_cop[:, 0]), rel=1e-9)

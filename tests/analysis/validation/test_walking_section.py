@@ -31,8 +31,8 @@ def test_rows_hold_the_walks_metrics_and_survive_json(section):
     study, rows = embedded_study(), json.loads(json.dumps(section.table, allow_nan=False))["rows"]
     assert [row["label"] for row in rows] == ["low_2", "medium_2", "high_2"]
     for row, walk in zip(rows, study.walks, strict=True):
-        assert row["grf_rmse_bw"] == walk.metrics["grf_rmse_bw"]
-        assert row["beats_null"] == (walk.metrics["grf_rmse_bw"] < walk.metrics["null_model_grf_rmse_bw"])
+        assert row["grf_rmse_bw"] == walk.metrics.grf_rmse_bw
+        assert row["beats_null"] == (walk.metrics.grf_rmse_bw < walk.metrics.null_model_grf_rmse_bw)
         assert row["stance_error_s"] == pytest.approx(row["stance_model_s"] - row["stance_measured_s"])
         late = row["toe_off_error_s"] - row["heel_strike_error_s"]
         assert row["stance_error_s"] == pytest.approx(late, abs=1e-9)
@@ -95,7 +95,7 @@ def test_plate_without_centre_of_pressure_leaves_the_forces():
     row, = found.table["rows"]
     for key in ("cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2", "free_moment_rmse_nm", "free_moment_r2"):
         assert row[key] is None
-    assert row["grf_rmse_bw"] == walk.metrics["grf_rmse_bw"]
+    assert row["grf_rmse_bw"] == walk.metrics.grf_rmse_bw
     assert "group_0_cop_measured_mean" not in found.arrays
     assert any("no centre of pressure" in sentence and "low_2" in sentence for sentence in found.missing)
 

@@ -19,7 +19,7 @@ from vsf_drake.analysis.contact_fit.parameters import owner
 from vsf_drake.analysis.contact_fit.problem import ContactFit, check_recordings, labels_with
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd
 from vsf_drake.analysis.contact_fit.solve import CLOSE, SURE_SHARE
-from vsf_drake.analysis.metrics import stance_curve, walk_metrics
+from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.contact_file import variable_unit
 from vsf_drake.errors import FitError, InputError, SimulationError
@@ -71,7 +71,7 @@ class TrialScore:
 
     label: str
     role: str
-    metrics: Mapping[str, Any]
+    metrics: WalkMetrics
     curves: Mapping[str, np.ndarray]
     sweep: FulcrumSweep | None
     floor_grf_rmse_bw: float | None = None
@@ -98,7 +98,7 @@ class Assessment:
 
     def mean(self, role: str, key: str) -> float | None:
         """Mean of a metric over the trials of a role; None where there is none."""
-        return _mean(s.metrics[key] for s in self.scores if s.role == role)
+        return _mean(getattr(s.metrics, key) for s in self.scores if s.role == role)
 
 
 def assess(
@@ -144,9 +144,9 @@ def _trial_score(
 ) -> TrialScore:
     comparison, result = solution.predict(trial, label, step_s=solution.fit.options.report_step_s)
     judged = [walk_metrics(result, trial.prosthetic_plate, comparison=comparison, null_curve=curve)
-              for curve in others or [None]]
-    metrics = min(judged, key=lambda m: m["null_model_grf_rmse_bw"] or 0.0)
-    weight, length, stance = metrics["body_weight_n"], result.foot_length_m, comparison.stances[0]
+              for curve in others or (None,)]
+    metrics = min(judged, key=lambda m: m.null_model_grf_rmse_bw or 0.0)
+    weight, length, stance = metrics.body_weight_n, result.foot_length_m, comparison.stances[0]
     return TrialScore(
         label=name, role=FITTED if label else HELD_OUT, metrics=metrics, floor_grf_rmse_bw=floor,
         sweep=sweep_fulcrum(solution, trial, label) if sweep else None,
@@ -180,7 +180,7 @@ def _without(solution: ContactFitSolution, labels: tuple[str, ...]) -> dict[str,
                   for trial, label in zip(solution.fit.trials, solution.fit.labels, strict=True) if label in labels]
     except (FitError, SimulationError) as error:
         return {"grf_rmse_bw": None, "cop_rmse_fl": None, "failed": str(error)}
-    return {key: _mean(m[key] for m in scored) for key in ("grf_rmse_bw", "cop_rmse_fl")}
+    return {key: _mean(getattr(m, key) for m in scored) for key in ("grf_rmse_bw", "cop_rmse_fl")}
 
 
 def _mean(values: Iterable[float | None]) -> float | None:
@@ -247,8 +247,8 @@ def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None)
             comparison, result = solution.predict(trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position))
         except SimulationError:
             return np.nan
-        value: float = walk_metrics(result, trial.prosthetic_plate, comparison=comparison)["grf_rmse_bw"]
-        return value
+        error = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw
+        return np.nan if error is None else error
 
     positions = sweep_positions(trial)
     with ThreadPoolExecutor(2) as pool:
@@ -290,13 +290,13 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
                "mid_range": PAPER_MID_RANGE_MM},
         one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
         held=assessment.mean(HELD_OUT, "grf_rmse_bw"),
-        worst=max(held_out, key=lambda s: s.metrics["grf_rmse_bw"], default=None),
-        nulls=[s.metrics["null_model_grf_rmse_bw"] for s in held_out
-               if s.metrics["null_model_grf_rmse_bw"] is not None],
-        beaten=[s.label for s in held_out if s.metrics["null_model_grf_rmse_bw"] is not None
-                and s.metrics["grf_rmse_bw"] >= s.metrics["null_model_grf_rmse_bw"]],
+        worst=max(held_out, key=lambda s: s.metrics.grf_rmse_bw, default=None),
+        nulls=[s.metrics.null_model_grf_rmse_bw for s in held_out
+               if s.metrics.null_model_grf_rmse_bw is not None],
+        beaten=[s.label for s in held_out if s.metrics.null_model_grf_rmse_bw is not None
+                and s.metrics.grf_rmse_bw >= s.metrics.null_model_grf_rmse_bw],
         below=[s.label for s in scores if s.floor_grf_rmse_bw is not None
-               and s.metrics["grf_rmse_bw"] < s.floor_grf_rmse_bw],
+               and s.metrics.grf_rmse_bw < s.floor_grf_rmse_bw],
         left_out=left_out, swept=[s for s in scores if s.sweep is not None], bench=assessment.bench,
         joint=_own_worth(solution.end) if isinstance(solution.end, JointEnd) else None))
 
@@ -403,7 +403,7 @@ def _trial(trial: Trial, name: str, role: str) -> dict[str, Any]:
 
 
 def _score(score: TrialScore) -> dict[str, Any]:
-    metrics = dict(score.metrics)
+    metrics = dict(vars(score.metrics))
     model, measured = metrics["stance_model_s"], metrics["stance_measured_s"]
     return {"metrics": metrics, "floor_grf_rmse_bw": score.floor_grf_rmse_bw,
             "null_model_grf_rmse_bw": metrics.pop("null_model_grf_rmse_bw"),

@@ -121,7 +121,7 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
         "draws": draws, "recordings_a_draw": RECORDINGS, "seed": seed, "walks": clean * (1 + RECORDINGS * draws),
         "failed_walks": sum(w.failed for w in walked), "synthetic": study.synthetic,
         "noise": dataclasses.asdict(NoiseSizes()), "quick": quick, "held_out_trials": len(held_out),
-        "held_out_rmse_bw": spread(base.walk.metrics["grf_rmse_bw"] for base in held_out)["mean"],
+        "held_out_rmse_bw": spread(base.walk.metrics.grf_rmse_bw for base in held_out)["mean"],
         "trials": [{"label": b.walk.label, "fulcrum_mm": b.walk.fulcrum_mm, "role": b.walk.role} for b in bases],
         "outcomes": outcome_rows(positions_mm, walked, model, stiffness), "names": NAMES,
         "pairs": pair_rows(positions_mm, walked, model), "curves": curve_rows(positions_mm, walked),

@@ -12,7 +12,7 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison, compare
 from vsf_drake.analysis.contact_fit.problem import labels_of
-from vsf_drake.analysis.metrics import doubts, stance_curve, walk_metrics
+from vsf_drake.analysis.metrics import WalkMetrics, doubts, stance_curve, walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit, fit_offsets
 from vsf_drake.bench_curves import BenchCurves, load_bench_curves
 from vsf_drake.contact_file import FittedContact, load_contact
@@ -64,7 +64,7 @@ class StudyWalk:
     trial: Trial  # as it was walked: with the fitted contact, or with fitted offsets
     result: WalkResult
     comparison: Comparison  # with the plate under the prosthetic foot
-    metrics: Mapping[str, Any]  # of `analysis.metrics`; with a null model where there is another trial to make it of
+    metrics: WalkMetrics  # with a null model where there is another trial to make it of
     doubts: tuple[str, ...]  # sentences on what of it is doubtful
 
     @property
@@ -245,7 +245,7 @@ def _study_walk(
     curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in others]
     candidates = [walk_metrics(result, plate, comparison=comparison, null_curve=curve)
                   for curve in curves if curve is not None] or [walk_metrics(result, plate, comparison=comparison)]
-    errors = [metrics["null_model_grf_rmse_bw"] for metrics in candidates]
+    errors = [metrics.null_model_grf_rmse_bw for metrics in candidates]
     metrics = candidates[int(np.argmin([np.inf if error is None else error for error in errors]))]
     return StudyWalk(
         label=label, role=OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT, recorded=recorded,

@@ -133,7 +133,7 @@ _TAKEN = (
 def _walk_row(walk: StudyWalk, rotations: Sequence[Rotation], sweep: FulcrumSweep) -> dict[str, Any]:
     """A walk's numbers; None for what is unknown."""
     row = {"label": walk.label, "role": walk.role, "fulcrum_mm": walk.fulcrum_mm,
-           "setting": setting_name(walk.fulcrum_mm), **{key: walk.metrics[key] for key in _TAKEN}}
+           "setting": setting_name(walk.fulcrum_mm), **{key: getattr(walk.metrics, key) for key in _TAKEN}}
     measured, model, null = row["stance_measured_s"], row["stance_model_s"], row["null_model_grf_rmse_bw"]
     angles = {key: value for key, value in pooled(rotations).items() if key != "angle_worst_deg"}
     return row | {
@@ -564,7 +564,7 @@ def _error(outcome: WalkOutcome) -> tuple[float, str]:
     if outcome.failure is not None:
         return float("nan"), outcome.failure
     try:
-        error = scores(outcome)["grf_rmse_bw"]
+        error = scores(outcome).grf_rmse_bw
     except ValueError as problem:  # no instant in common with the plate
         return float("nan"), str(problem)
     return (float("nan"), "no stance was simulated") if error is None else (float(error), "")

@@ -9,7 +9,7 @@ from typing import Any
 
 from vsf_drake.analysis.validation.run import NAMES, is_kept
 from vsf_drake.analysis.validation.study import HELD_OUT, Study
-from vsf_drake.files import write_json
+from vsf_drake.files import plain, write_json
 from vsf_drake.report.figures import walk_figure
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
@@ -74,12 +74,12 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
         while name in taken:
             name += "_"
         taken.append(name)
-        metrics = {**walk.metrics, "role": walk.role, "doubts": list(walk.doubts), "notes": list(walk.result.notes)}
         own = folder / WALKS / name
         own.mkdir(parents=True)
         save_walk(walk.result, own)
-        save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, metrics), own / "walk")
-        write_json(own / "metrics.json", metrics)
+        save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, walk.metrics), own / "walk")
+        write_json(own / "metrics.json", {**plain(walk.metrics), "role": walk.role, "doubts": walk.doubts,
+                                          "notes": walk.result.notes})
     conditions = [*study.conditions().values()]
     middle = conditions[len(conditions) // 2]
     shown = next((walk for walk in middle if walk.role == HELD_OUT), middle[0])
