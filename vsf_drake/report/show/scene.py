@@ -207,8 +207,7 @@ def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
     body = plant.AddRigidBody("platen", plant.AddModelInstance("machine"),
                               SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1))
     frame = plant.AddFrame(FixedOffsetFrame("platen_rest", plant.world_frame(), place))
-    platen = PrismaticJoint("platen", frame, body.body_frame(), UPWARD)
-    plant.AddJoint(platen)
+    platen = plant.AddJoint(PrismaticJoint("platen", frame, body.body_frame(), UPWARD))
     size = (foot.series_patch_m, 1.3 * foot.keel.width_m, _PLATEN_THICKNESS_M)
     draw(plant, body, "platen", Box(*size), PLATEN, (0.0, 0.0, -0.5 * _PLATEN_THICKNESS_M))
     draw(plant, body, "ram", Cylinder(0.01, 0.08), METAL, (0.0, 0.0, -0.04 - _PLATEN_THICKNESS_M))

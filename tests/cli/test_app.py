@@ -1,0 +1,243 @@
+"""The command line as a whole: signals end it with a word; names and paths that anybody chose are text or refused."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+from command_line import read_json
+
+from vsf_drake.cli.app import console, errors, progress
+from vsf_drake.errors import InputError
+from vsf_drake.files import csv_cells, read_bytes, user_path
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.report.style import label, new_figure, save_figure, style
+from vsf_drake.text_table import as_label
+
+SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right"}
+PATHS = ["~nosuchuser/a.yaml", "a" * 5000, "/".join(["a" * 200] * 30), "a\x1b[31m.yaml", "a\nb.yaml", "a\udcff.yaml"]
+NAMES = [r"cost $\foo$", "$x^2", "[/b]", "[red]a", ":warning: a", "<b>&amp;\"'", "=1+2", "a\u2028b", "üß 漢字"]
+
+
+@pytest.fixture
+def subject(tmp_path):
+    def write(name):
+        path = tmp_path / "subject.yaml"
+        path.write_text(yaml.safe_dump(SUBJECT | {"name": name}), encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("words", [
+    ("simulate", "{}"), ("simulate", "{}", "--model", "{}"), ("check", "{}"), ("stand", "{}"), ("sweep", "{}"),
+    ("fit", "{}", "{}"), ("tune", "{}"), ("validate", "{}"), ("report", "{}"), ("import", "{}"),
+    ("import", "--list-markers", "{}"), ("bench", "--contact", "{}"), ("bench", "--model", "{}"),
+    ("bench", "--out", "{}"), ("export", "--out", "{}"), ("show", "--html", "{}"), ("show", "--model", "{}"),
+    ("schedule", "level={}"), ("tune", "--warm-start", "{}"), ("validate", "--bench", "{}"),
+    ("validate", "--out", "{}")],
+    ids=" ".join)
+def test_a_path_that_is_none_is_refused_by_every_command(run, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    for path in ("~nosuchuser/a.yaml", "a" * 5000, "a\x1b[31m\udcff.yaml"):
+        code, out, error = run(*(word.format(path) for word in words))
+        assert code == 2 and "Traceback" not in error and "error" in error.lower()
+        assert "\x1b[31m" not in out + error and "\udcff" not in out + error and len(error) < 2000
+        assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("key", ["subject", "kinematics", "forces", "model"])
+def test_a_path_that_is_none_is_refused_in_a_manifest(tmp_path, key):
+    content = {"subject": "subject.yaml", "kinematics": "a.mot", "forces": "a.mot", "prosthesis": {"fulcrum_mm": 66}}
+    (tmp_path / "subject.yaml").write_text(yaml.safe_dump(SUBJECT), encoding="utf-8")
+    (tmp_path / "a.mot").write_text("", encoding="utf-8")
+    for path in ("~nosuchuser/s.yaml", "s" * 5000, "s\0", "\udcff"):
+        (tmp_path / "walk.yaml").write_text(yaml.safe_dump(content | {key: path}), encoding="utf-8")
+        with pytest.raises(InputError, match=r"walk\.yaml") as raised:
+            load_trial(tmp_path / "walk.yaml")
+        assert len(str(raised.value)) < 2000
+
+
+def test_a_path_that_is_none_is_an_input_error():
+    for path in (*PATHS, "a\0b"):
+        with pytest.raises(InputError) as raised:
+            user_path(path, file="walk.yaml", where="subject")
+        assert str(raised.value).startswith("walk.yaml: subject: ") and len(str(raised.value)) < 300
+        with pytest.raises(InputError):
+            read_bytes(path, most=10)
+
+
+def test_a_name_is_text_wherever_it_comes(run, subject, tmp_path):
+    name = " ".join(NAMES)
+    out = tmp_path / name.replace("/", "∕")
+    code, said, error = run("stand", subject(name), "--out", out, "--duration-s", 0.1, "--upright")
+    assert code == 0 and not error.strip()
+    assert "".join(name.split()) in "".join(said.split())
+    assert read_json(out / "standing.json")["subject"] == name
+    texts = "".join(ElementTree.parse(out / "standing.svg").getroot().itertext())
+    assert "".join(name.split()) in "".join(texts.split())
+
+
+def test_a_folder_named_like_markup_gets_its_results(run, subject, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, said, _ = run("stand", subject("A"), "--out", "a[/b]", "--duration-s", 0.1, "--upright")
+    assert code == 0 and "written to a[/b]" in said
+    assert (tmp_path / "a[" / "b]" / "standing.svg").is_file()
+
+
+def test_a_name_that_cannot_be_printed_is_refused(run, subject, tmp_path):
+    for name in ("\x1b[31mred", "a\0", "a\x07", "\x9b31m", "\ud800", "\u202eevil", "a\uffff"):
+        code, out, error = run("stand", subject(name), "--out", tmp_path / "out")
+        assert code == 2 and "unprintable" in error and "line " in error and name not in out + error
+        assert not (tmp_path / "out").exists()
+
+
+def test_labels_of_recordings_lose_what_cannot_be_printed():
+    assert as_label(" LASI\x1b[31m\x07 ") == "LASI[31m"
+    assert as_label("M\u00fcller\x92s") == "M\u00fcllers"  # of another encoding
+    assert as_label("\u202eHEEL".encode().decode("latin-1")) == "HEEL"
+
+
+def test_no_console_reads_markup(capsys):
+    for place in (console, errors):
+        place.print("[red]a[/b] :warning:")
+    with progress() as show:
+        show("[/b]", 0.5)
+    captured = capsys.readouterr()
+    assert "[red]a[/b] :warning:" in captured.out and "[red]a[/b] :warning:" in captured.err
+
+
+def test_no_figure_reads_mathtext(tmp_path):
+    text = r"$\foo$ \$5 $a$ & <b> $"
+    with style():
+        figure = new_figure(4.0, 3.0)
+        axes = figure.add_subplot()
+        axes.plot([0, 1], label=text)
+        axes.legend()
+        axes.set_xticks([0], [text])
+        label(axes, x=text, y=text, title=text)
+        figure.suptitle(text)
+    save_figure(figure, tmp_path / "a")
+    texts = [element.text for element in ElementTree.parse(tmp_path / "a.svg").getroot().iter() if element.text]
+    assert texts.count(text) == 6
+
+
+def test_no_cell_is_a_formula_and_others_stay_as_they_are():
+    for text in ("=1+2", "+1+2", "-1+2", "@SUM(1)", "\tx", "\r=1", "=cmd|' /C calc'!A0", "-", "+a"):
+        assert csv_cells([text]) == [f"'{text}"]
+    cells = ["a=1", "", 1.5, -2.0, True, "-1.5", "+2e-3", "−3"]
+    assert csv_cells([*cells, None]) == [*cells, ""]
+
+
+# Signals.
+
+
+CLOSED = """
+import signal, time
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run where it is ignored
+from vsf_drake.cli import main
+from vsf_drake.cli.app import app
+@app.command()
+def wait():
+    print("ready", flush=True)
+    time.sleep(60.0)
+main()
+"""
+
+
+def test_a_closed_terminal_ends_a_command_with_129():
+    """What it says then goes nowhere: writing to a terminal that is gone is an error."""
+    child, terminal = pty.fork()
+    if child == 0:
+        os.execv(sys.executable, [sys.executable, "-c", CLOSED, "wait"])
+    said = b""
+    while b"ready" not in said:
+        said += os.read(terminal, 1000)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 128 + signal.SIGHUP
+
+
+LOADING = """
+import importlib.abc, signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # the tests may run where it is ignored
+from vsf_drake.cli import main
+class Slow(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "vsf_drake.cli.tune":
+            print("loading", flush=True)
+            time.sleep(10.0)
+sys.meta_path.insert(0, Slow())
+main()
+"""
+
+
+@pytest.mark.parametrize("given", [signal.SIGINT, signal.SIGTERM])
+def test_signal_while_the_commands_load_ends_with_a_sentence(given):
+    process = subprocess.Popen([sys.executable, "-c", LOADING, "--help"], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "loading\n"
+    process.send_signal(given)
+    said = process.communicate(timeout=30.0)[1]
+    assert said == "interrupted; results are written whole or not at all\n"
+    assert process.returncode == 128 + given
+
+
+MISREAD = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from vsf_drake.cli import main
+from vsf_drake.cli.app import app
+@app.command()
+def draw(number: int):
+    try:
+        signal.raise_signal(number)
+    except KeyboardInterrupt:
+        raise ValueError("Invalid bounding box") from None
+main()
+"""
+
+
+@pytest.mark.parametrize("given", [signal.SIGINT, signal.SIGTERM])
+def test_error_that_other_code_makes_of_an_interruption_is_one(given):
+    """Matplotlib's compiled code was seen to do so."""
+    process = subprocess.run([sys.executable, "-c", MISREAD, "draw", str(int(given))], capture_output=True, text=True,
+                             check=False, timeout=60.0)
+    assert process.stderr == ("interrupted; results are written whole or not at all "
+                              "(ValueError: Invalid bounding box)\n")
+    assert process.returncode == 128 + given
+
+
+CALLED_BACK = """
+import contextlib, ctypes, signal, threading
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from vsf_drake.cli import main
+from vsf_drake.cli.app import app
+from vsf_drake.simulation.archive import _undisturbed
+@app.command()
+def compile(number: int, settles: bool):
+    ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(number))()
+    with _undisturbed() if settles else contextlib.nullcontext():
+        threading.Event().wait(0.5)
+        print("settled", flush=True)
+    threading.Event().wait(20.0)
+main()
+"""
+
+
+@pytest.mark.parametrize(("given", "settles"), [(signal.SIGINT, False), (signal.SIGTERM, True)])
+def test_signal_in_a_callback_of_compiled_code_is_not_lost(given, settles):
+    """LLVM calls Python while numba compiles; Python prints what is raised there, and goes on."""
+    began = time.monotonic()
+    process = subprocess.run([sys.executable, "-c", CALLED_BACK, "compile", str(int(given)), str(settles)],
+                             capture_output=True, text=True, check=False, timeout=60.0)
+    assert process.stderr == "interrupted; results are written whole or not at all\n"
+    assert process.returncode == 128 + given
+    assert process.stdout == ("settled\n" if settles else "")
+    assert time.monotonic() - began < 15.0
