@@ -25,7 +25,7 @@ def unit_clip(x: Values) -> Array:
     """min(max(x, 0), 1); its gradient outside (0, 1) is zero."""
     x = np.asarray(x)
     if x.dtype == object:
-        return np.where(x > 0, np.where(x < 1, x, 0.0 * x + 1.0), 0.0 * x)
+        return np.asarray(np.where(x > 0, np.where(x < 1, x, 0.0 * x + 1.0), 0.0 * x))
     return np.asarray(np.clip(x, 0.0, 1.0))
 
 

@@ -20,7 +20,7 @@ SERIES_ITERATIONS = 10
 
 
 @compiled
-def patch_under(x, y, bounds, patches):
+def patch_under(x: float, y: float, bounds: np.ndarray, patches: np.ndarray) -> tuple[int, float]:
     """Index of the patch that carries at x, y (m), and its height (m) there; -1 and -inf without any.
 
     Args:
@@ -37,7 +37,7 @@ def patch_under(x, y, bounds, patches):
 
 
 @compiled
-def foam_root(depth, softness, exponent):
+def foam_root(depth: float, softness: float, exponent: float) -> float:
     """d in [0, depth] with d + softness d**exponent = depth, of floats.
 
     Increasing and convex in d for exponents >= 1, so Newton's method from above never passes the root. It begins at
@@ -45,7 +45,7 @@ def foam_root(depth, softness, exponent):
     """
     if softness == 0.0 or depth <= 0.0:
         return max(depth, 0.0)
-    d = min(depth, (depth / softness) ** (1.0 / exponent))
+    d: float = min(depth, (depth / softness) ** (1.0 / exponent))
     for _ in range(SERIES_ITERATIONS):
         soft = softness * d**exponent
         step = (d + soft - depth) / (1.0 + exponent * soft / d)

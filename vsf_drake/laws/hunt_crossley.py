@@ -39,4 +39,4 @@ def matched_dissipation(*, stiffness: float, exponent: float, damping: float, de
         return 0.0
     a, b = 0.5 * (exponent + 1.0), 1.5
     beta = math.exp(math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b))
-    return damping * 0.25 * math.pi / (stiffness * depth**exponent * beta)
+    return damping * 0.25 * math.pi / (stiffness * math.pow(depth, exponent) * beta)

@@ -12,7 +12,9 @@ from vsf_drake.laws.compiled import compiled
 
 
 @compiled
-def normal_force(depth, rate, stiffness, exponent, damping, full_depth):
+def normal_force(
+    depth: float, rate: float, stiffness: float, exponent: float, damping: float, full_depth: float
+) -> tuple[float, float, float]:
     """Modified Kelvin-Voigt force (N) and its derivatives by depth (N/m) and by depth rate (N s/m)."""
     if depth <= 0.0:
         return 0.0, 0.0, 0.0
@@ -20,7 +22,7 @@ def normal_force(depth, rate, stiffness, exponent, damping, full_depth):
     force = stiffness * power
     by_depth = stiffness * exponent * power / depth
     by_rate = 0.0
-    if rate > 0.0:
+    if rate > 0.0:  # the damping ramps up by the smooth step u^2 (3 - 2 u)
         u = depth / full_depth
         ramp, slope = 1.0, 0.0
         if u < 1.0:
@@ -32,18 +34,21 @@ def normal_force(depth, rate, stiffness, exponent, damping, full_depth):
 
 
 @compiled
-def friction_per_speed(speed, mu_static, mu_kinetic, threshold):
+def friction_per_speed(speed: float, mu_static: float, mu_kinetic: float, threshold: float) -> tuple[float, float]:
     """mu(V)/V (s/m) of the piecewise stick-slip law and the slope d mu / dV (s/m)."""
     if speed <= threshold:
         return mu_static / threshold, mu_static / threshold
-    if speed < 1.5 * threshold:
+    if speed < 1.5 * threshold:  # the straight line from mu_static at V = threshold to mu_kinetic at 1.5 threshold
         slope = -(mu_static - mu_kinetic) / (0.5 * threshold)
         return (mu_static + slope * (speed - threshold)) / speed, slope
     return mu_kinetic / speed, 0.0
 
 
 @compiled
-def spring_force(x, rate, k_positive, k_negative, damping, limit, rate_limit, stop_ratio):
+def spring_force(
+    x: float, rate: float, k_positive: float, k_negative: float, damping: float, limit: float, rate_limit: float,
+    stop_ratio: float
+) -> tuple[float, float, float]:
     """Force of a sprung coordinate (opposing) and its derivatives by displacement and by rate."""
     k = k_positive if x >= 0.0 else k_negative
     force, by_x, by_rate = -k * x - damping * rate, -k, -damping

@@ -9,8 +9,6 @@ corner comes in.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from vsf_drake.laws import kelvin_voigt
@@ -24,10 +22,12 @@ def rounded_positive_part(x: Values, width: Values) -> Array:
     Takes real, complex and AutoDiffXd arrays; only real parts are compared, so that a complex step differentiates it.
     """
     x = np.asarray(x)
-    real: Any = x if x.dtype == object else x.real
+    real = x if x.dtype == object else x.real
+    # With t = x / width + 1 from 0 to 2: w/16 t^3 (4 - t), whose value, slope and curvature are 0, 0, 0 at t = 0 and
+    # w, 1, 0 at t = 2, as those of max(x, 0) at the ends; the curvature 3/4 t (2 - t) / w is nowhere negative.
     t = x / width + 1.0
     inside = (width / 16.0) * t * t * t * (4.0 - t)
-    return np.where(real >= width, x, np.where(real <= -width, 0.0 * x, inside))
+    return np.asarray(np.where(real >= width, x, np.where(real <= -width, 0.0 * x, inside)))
 
 
 def normal_force(

@@ -19,7 +19,7 @@ import numpy as np
 import pydrake.math
 
 from vsf_drake.laws._elementwise import positive_part
-from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.compiled import Compiled, compiled, internal
 from vsf_drake.laws.ground import foam_depth, foam_root, patch_under
 from vsf_drake.laws.hunt_crossley import normal_force as hunt_crossley_force
 from vsf_drake.laws.kelvin_voigt import normal_force as kelvin_voigt_force
@@ -48,7 +48,8 @@ def slices(joints: int, sites: int, velocities: int) -> dict[str, slice]:
 
 
 @internal
-def _rounded(x, width):
+def _rounded(x: float, width: float) -> float:
+    """`smooth_contact.rounded_positive_part`."""
     if x >= width:
         return x
     if x <= -width:
@@ -58,22 +59,25 @@ def _rounded(x, width):
 
 
 @internal
-def _press(law, signed, rate, site, compliance, depth_width, rate_width):
+def _press(
+    law: int, signed: float, rate: float, site: np.ndarray, compliance: float, depth_width: float, rate_width: float
+) -> float:
     """Normal force (N) of one sphere."""
     depth = _rounded(signed, depth_width) if law == SMOOTH else max(signed, 0.0)
-    if compliance > 0.0 and depth > 0.0:
+    if compliance > 0.0 and depth > 0.0:  # foam and ground in series: `ground.foam_depth`
         softness = compliance * site[1]
         depth = foam_root(depth, softness, site[2])
         rate /= 1.0 + site[2] * softness * depth**site[2] / depth
     if law == SMOOTH:
         rate = _rounded(rate, rate_width)
     elif law == HUNT_CROSSLEY:
-        return site[1] * depth**site[2] * max(1.0 + site[5] * rate, 0.0)
+        force: float = site[1] * depth**site[2] * max(1.0 + site[5] * rate, 0.0)
+        return force
     return normal_force(depth, rate, site[1], site[2], site[3], site[4])[0]
 
 
 @internal
-def _stick(law, squared, mu_static, mu_kinetic, threshold):
+def _stick(law: int, squared: float, mu_static: float, mu_kinetic: float, threshold: float) -> float:
     """mu(V) / V (s/m), of V^2."""
     speed = math.sqrt(squared)
     if law != SMOOTH:
@@ -86,8 +90,11 @@ def _stick(law, squared, mu_static, mu_kinetic, threshold):
 
 
 @compiled
-def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, scalars, at, velocities, X, V, state,
-                position):
+def foot_vector(
+    law: int, starts: np.ndarray, site_keel: np.ndarray, p_BS: np.ndarray, sites: np.ndarray, patches: np.ndarray,
+    bounds: np.ndarray, joints: np.ndarray, scalars: np.ndarray, at: np.ndarray, velocities: int, X: np.ndarray,
+    V: np.ndarray, state: np.ndarray, position: float
+) -> np.ndarray:
     """All outputs of one foot, see `slices`.
 
     Args:
@@ -103,6 +110,9 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
     sin, cos, rates = np.zeros(m, kind), np.zeros(m, kind), np.zeros(m, kind)
     place, moving = np.zeros((m, 2), kind), np.zeros((m, 2), kind)  # x and z in K of the joints, and their velocities
     moment, spring = out[HEAD:HEAD + m], out[HEAD + m:HEAD + 2 * m]
+
+    # The planar chain in K: a keel body at the angle sum(q_0..q_i), positive toe up, and each joint a length further
+    # along the body before it; velocities are those formulas' time derivatives, relative to the frame.
     angle = rate = 0.0
     for i in range(m):
         if i == 0:
@@ -117,6 +127,9 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
         sin[i], cos[i], rates[i] = math.sin(angle), math.cos(angle), rate
         spring[i] = -(joints[i, 0] * q + joints[i, 1] * v)
         moment[i] = spring[i]
+
+    # The support: f = -(k w + c w') along z_K at the keel's point `position` from A, w its height in K. About a joint
+    # behind the point it has the lever arm x - x_j. The carriage's servo is a spring and damper to `position`.
     i = 0
     while i + 1 < m and starts[i + 1] <= position:
         i += 1
@@ -128,14 +141,18 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
         moment[j] += (x - place[j, 0]) * support
     out[6] = scalars[5] * (position - state[at[0, m]]) - scalars[6] * state[at[1, m]]
     out[7] = support
+
     load = mx = my = mz = ux = uy = uz = wx = wy = wz = 0.0  # weighted sums: contact point, normal; moment about Fo
     for s in range(count):
+        # The centre S from Fo in K, its velocity relative to the frame, and its body's spin about -y_K
         k = site_keel[s]
         px, py, pz, vx, vz, spin = p_BS[s, 0], p_BS[s, 1], p_BS[s, 2], 0.0, 0.0, 0.0
         if k >= 0:
             dx, dz = px * cos[k] - pz * sin[k], px * sin[k] + pz * cos[k]
             px, pz, spin = place[k, 0] + dx, place[k, 1] + dz, rates[k]
             vx, vz = moving[k, 0] - spin * dz, moving[k, 1] + spin * dx
+
+        # In W, and the plane below it: normal n = (-slope, -bank, 1) / |.|, signed depth = radius - (distance from it)
         rx = X[0, 0] * px + X[0, 1] * py + X[0, 2] * pz
         ry = X[1, 0] * px + X[1, 1] * py + X[1, 2] * pz
         rz = X[2, 0] * px + X[2, 1] * py + X[2, 2] * pz
@@ -147,6 +164,8 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
         nx, ny = -slope * nz, -bank * nz
         radius = sites[s, 0]
         signed = radius - (X[2, 3] + rz - ground) * nz if ground > -np.inf else -1.0
+
+        # v_WS = v_WFo + w_WF x r + R_WF v_FS, and its part against n
         wfx = V[3] + V[1] * rz - V[2] * ry + X[0, 0] * vx + X[0, 2] * vz
         wfy = V[4] + V[2] * rx - V[0] * rz + X[1, 0] * vx + X[1, 2] * vz
         wfz = V[5] + V[0] * ry - V[1] * rx + X[2, 0] * vx + X[2, 2] * vz
@@ -156,6 +175,8 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
         out[first + s], out[first + count + s], out[first + 2 * count + s] = force, max(signed, 0.0), approach
         if force == 0.0:
             continue
+
+        # Friction: w_WB = w_WF - spin y_K; the slip is v_WC = v_WS - radius w_WB x n without its part along n
         ox, oy, oz = V[0] - spin * X[0, 1], V[1] - spin * X[1, 1], V[2] - spin * X[2, 1]
         cx = wfx - radius * (oy * nz - oz * ny)
         cy = wfy - radius * (oz * nx - ox * nz)
@@ -165,6 +186,9 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
         grip = -force * _stick(law, cx * cx + cy * cy + cz * cz, patches[patch, 5], patches[patch, 6], scalars[0])
         f = out[first + 3 * count + 3 * s:first + 3 * count + 3 * s + 3]
         f[0], f[1], f[2] = grip * cx, grip * cy, grip * cz
+
+        # The whole force acts at C = S - radius n: sums of force, of moment about Fo, and of what is weighted by the
+        # normal force: n and the point of the plane below, C + depth n
         fx, fy, fz = f[0] + force * nx, f[1] + force * ny, f[2] + force * nz
         rx, ry, rz = rx - radius * nx, ry - radius * ny, rz - radius * nz
         wx, wy, wz = wx + ry * fz - rz * fy, wy + rz * fx - rx * fz, wz + rx * fy - ry * fx
@@ -172,6 +196,8 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
         depth = max(signed, 0.0)
         load, ux, uy, uz = load + force, ux + force * nx, uy + force * ny, uz + force * nz
         mx, my, mz = mx + force * (rx + depth * nx), my + force * (ry + depth * ny), mz + force * (rz + depth * nz)
+
+        # Moments in the joints that carry the sphere, of C and force in K, positive about -y_K
         if k >= 0:
             kx = X[0, 0] * rx + X[1, 0] * ry + X[2, 0] * rz
             kz = X[0, 2] * rx + X[1, 2] * ry + X[2, 2] * rz
@@ -179,6 +205,7 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
             gz = X[0, 2] * fx + X[1, 2] * fy + X[2, 2] * fz
             for j in range(k + 1):
                 moment[j] += (kx - place[j, 0]) * gz - (kz - place[j, 1]) * gx
+
     shift = len(out) - len(state)  # from places in the state, whose end the velocities are, to places in `out`
     for j in range(m):
         out[shift + at[1, j]] = moment[j]
@@ -191,8 +218,12 @@ def foot_vector(law, starts, site_keel, p_BS, sites, patches, bounds, joints, sc
 
 
 @internal
-def _pressure_centre(out, X, load, mx, my, mz, ux, uy, uz):
+def _pressure_centre(
+    out: np.ndarray, X: np.ndarray, load: float, mx: float, my: float, mz: float, ux: float, uy: float, uz: float
+) -> None:
     """Centre of pressure and free moment, see `FootForces`, from sums weighted by the normal forces."""
+    # p: the mean point, from Fo; u: the mean normal; a: the moment about p. The centre of pressure is p + t with
+    # t = u x a / (F . u): across u, and u x (a - t x F) = u x a - t (u . F) + F (u . t) = 0.
     px, py, pz = mx / load, my / load, mz / load
     size = math.sqrt(ux * ux + uy * uy + uz * uz)
     ux, uy, uz = ux / size, uy / size, uz / size
@@ -228,9 +259,9 @@ def _stick_by_law(law: int, squared: Any, mu_static: Any, mu_kinetic: Any, thres
                                  smooth=law == SMOOTH).item()
 
 
-def _in_python(function: Any, **names: Any) -> Any:
+def _in_python(function: Compiled[..., Any], **names: Any) -> Any:
     """The function that was compiled, with `names` in place of what it calls."""
-    python = function.py_func
+    python: Any = function.py_func
     return FunctionType(python.__code__, {**python.__globals__, "math": pydrake.math, **names}, python.__name__)
 
 

@@ -17,9 +17,9 @@ import sys
 import weakref
 from collections.abc import Callable, Iterable
 from dataclasses import fields
-from functools import cache, wraps
+from functools import wraps
 from types import MethodType
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -29,7 +29,16 @@ from pydrake.multibody.math import SpatialForce_, SpatialVelocity_
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce_
 from pydrake.multibody.tree import BodyIndex
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import BasicVector_, Context, LeafSystem_, ValueProducer
+from pydrake.systems.framework import (
+    BasicVector_,
+    Context,
+    DependencyTicket,
+    DiscreteValues,
+    InputPort,
+    LeafSystem,
+    LeafSystem_,
+    ValueProducer,
+)
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from vsf_drake.errors import InputError
@@ -84,39 +93,41 @@ most 45 degrees, a patch's stiffness at least 1 N/m), else what its law bears. K
 fulcrum_ and socket_ before the names of their own systems."""
 
 
-class NamedParameters:
-    """A LeafSystem whose physical constants are numeric parameters in the Context.
+if TYPE_CHECKING:
+    _Leaf = LeafSystem
+else:
+    _Leaf = object  # `system_template` puts the LeafSystem of each scalar type beside it
+
+R = TypeVar("R")
+
+
+class System(_Leaf):
+    """A system whose physical constants are numeric parameters in the Context, for any scalar type.
 
     Each named constant is one numeric parameter group, stored row by row. Values can so be changed without rebuilding
     the diagram, and differ between Contexts. A scalar stands for an array of equal values.
 
+    `__init__` takes keywords only and is called once LeafSystem's own has been; a copy for another scalar type is made
+    of the same keywords.
+
     Attributes:
         parameter_index: name of each constant -> index of its numeric parameter group.
+        template: of the classes for all scalar types.
         why_not_symbolic: what `plants.to_symbolic` says of a system that has no form in symbolic expressions.
     """
 
     parameter_index: dict[str, int]
+    template: ClassVar[TemplateSystem]
     why_not_symbolic = "it chooses between branches of its law by the size of its inputs, which an expression has not"
+    _T: type[Any]  # the scalar type
+    _arguments: dict[str, Any]
+    _ports: dict[str, InputPort]
+    _shapes: dict[str, tuple[int, ...]]
+    _constants: Callable[[Context], dict[str, np.ndarray]]
 
-    def __init_subclass__(cls) -> None:
-        """`_construct` begins as LeafSystem and keeps its arguments, from which a copy for another scalar is made."""
-        super().__init_subclass__()
-        if "_construct" not in cls.__dict__:
-            return
-        construct = cls._construct
-
-        @wraps(construct)
-        def _construct(self: Any, *, converter: Any = None, **arguments: Any) -> None:
-            LeafSystem_[cls._T].__init__(self, converter=converter)
-            self._arguments, self._ports, self.parameter_index, self._shapes = arguments, {}, {}, {}
-            construct(self, **arguments)
-
-        def _construct_copy(self: Any, other: Any, converter: Any = None) -> None:
-            self._construct(converter=converter, **other._arguments)
-
-        cls._construct = _construct
-        if "_construct_copy" not in cls.__dict__:
-            cls._construct_copy = _construct_copy
+    def _arguments_for(self, T: type) -> dict[str, Any]:
+        """What a copy for scalar type T is made of."""
+        return self._arguments
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -124,12 +135,7 @@ class NamedParameters:
         return tuple(self.parameter_index)
 
     def GetParameter(self, context: Context, name: str) -> np.ndarray:
-        """Value of the constant `name` in this system's `context`, a copy in the shape it was declared with.
-
-        Raises:
-            ValueError: there is no constant of that name.
-            InputError: the Context is another system's, such as the whole diagram's; a constant is out of bounds.
-        """
+        """Value of the constant `name` in this system's `context`, a copy in the shape it was declared with."""
         self._check_own(context)
         self._index_of(name)
         return np.array(self._constants(context)[name])
@@ -171,7 +177,7 @@ class NamedParameters:
             raise ValueError(f"there is no parameter {name!r}; known are {', '.join(self.parameter_index)}")
         return self.parameter_index[name]
 
-    def _declare_parameters(self, of: str = "", **constants: tuple[Any, tuple[int, ...]]) -> None:
+    def _declare_parameters(self, of: str = "", /, **constants: tuple[Any, tuple[int, ...]]) -> None:
         """Declares name=(value, shape); in BOUNDS `of` is before the names. `self._constants(context)` has all of them
         by name, scalars as scalars, read and checked once per change of one."""
         self._bounds = {name: BOUNDS[f"{of}{name}"] for name in constants}
@@ -184,7 +190,7 @@ class NamedParameters:
             self._shapes[name] = shape
         self._constants = self._declare_cached("constants", self._read_parameters, self.all_parameters_ticket())
 
-    def _read_parameters(self, context: Context) -> dict[str, Any]:
+    def _read_parameters(self, context: Context) -> dict[str, np.ndarray]:
         read = {name: context.get_numeric_parameter(index).CopyToVector()
                 for name, index in self.parameter_index.items()}
         for name, (unit, low, high) in self._bounds.items() if self._T is not Expression else ():
@@ -220,7 +226,9 @@ class NamedParameters:
                              right="It is in metres: 0.066 to 0.151 for the nominal foot")
         return position
 
-    def _declare_output(self, name: str, size: int, calc: Callable[[Context], Any], *sources: Any) -> None:
+    def _declare_output(
+        self, name: str, size: int, calc: Callable[[Context], Any], *sources: DependencyTicket
+    ) -> None:
         """An output (size,) whose value is what the method `calc(context)` returns; it depends on the tickets."""
         value = _weakly(calc)
 
@@ -234,34 +242,46 @@ class NamedParameters:
     def _declare_parts(self, entry: Callable[[Context], Any], **sizes: int) -> None:
         """An output name=size for each of these parts of a cached mapping."""
         for name, size in sizes.items():
-            self._declare_output(name, size, lambda context, name=name: entry(context)[name])
+            self._declare_part(name, size, entry, name)
+
+    def _declare_part(
+        self, name: str, size: int, entry: Callable[[Context], Any], key: object, *sources: DependencyTicket
+    ) -> None:
+        """An output (size,) that is entry(context)[key]."""
+        self._declare_output(name, size, lambda context: entry(context)[key], *sources)
 
     def _declare_spatial_forces(self, calc: Callable[[Context], Iterable[tuple[int, np.ndarray]]]) -> None:
         """The output for a plant's `applied_spatial_force`: of each pair that the method `calc(context)` returns, body
         and (6,) moment and force in W at its origin."""
-        pairs, applied, force = _weakly(calc), self._applied, self._force
+        pairs, applied, force = _weakly(calc), ExternallyAppliedSpatialForce_[self._T], SpatialForce_[self._T]
 
         def packed(body: int, F_Bo_W: np.ndarray) -> Any:
             one = applied()
             one.body_index, one.p_BoBq_B, one.F_Bq_W = BodyIndex(body), np.zeros(3), force(F_Bo_W)
             return one
 
-        def write(context: Context, out: Any) -> None:
+        def write(context: Any, out: Any) -> None:
             out.set_value([packed(*pair) for pair in pairs(context)])
 
         self.DeclareAbstractOutputPort("spatial_forces", lambda: AbstractValue.Make([applied()]), write)
 
-    def _declare_cached(self, name: str, calc: Callable[[Context], Any], *sources: Any) -> Callable[[Context], Any]:
+    def _declare_cached(
+        self, name: str, calc: Callable[[Context], R], *sources: DependencyTicket
+    ) -> Callable[[Context], R]:
         """A function of the Context: what the method `calc(context)` returns, kept until a source changes; by default
         these are the inputs and parameters declared so far. It does not own the system, as Drake's CacheEntry does."""
-        compute, owner = _weakly(calc), weakref.ref(self)
+        compute = _weakly(calc)
+        owner: Callable[[], Any] = weakref.ref(self)
+
+        def write(context: Any, value: Any) -> None:
+            value.set_value(compute(context))
+
         index = self.DeclareCacheEntry(
-            name, ValueProducer(allocate=lambda: AbstractValue.Make(()),
-                                calc=lambda context, value: value.set_value(compute(context))),
+            name, ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=write),
             set(sources or (self.all_input_ports_ticket(), self.all_parameters_ticket()))).cache_index()
         return lambda context: owner().get_cache_entry(index).Eval(context)
 
-    def _declare_periodic(self, period: float, update: Callable[[Context, Any], None]) -> None:
+    def _declare_periodic(self, period: float, update: Callable[[Context, DiscreteValues], None]) -> None:
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, _weakly(update))
 
 
@@ -273,10 +293,11 @@ _CROSS[[7, 2, 3], [0, 1, 2]] = -1.0
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a × b of (N, 3) arrays, or of (3,) arrays."""
-    return (a[..., :, None] * b[..., None, :]).reshape(*a.shape[:-1], 9) @ _CROSS
+    product: np.ndarray = (a[..., :, None] * b[..., None, :]).reshape(*a.shape[:-1], 9) @ _CROSS
+    return product
 
 
-def _weakly(method: Callable[..., Any]) -> Callable[..., Any]:
+def _weakly(method: Callable[..., R]) -> Callable[..., R]:
     """A method as a function that does not own its object; anything else as it is."""
     if not isinstance(method, MethodType):
         return method
@@ -284,21 +305,35 @@ def _weakly(method: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *args: function(owner(), *args)
 
 
-@cache
-def System_(T: type) -> Any:
-    class System(NamedParameters, LeafSystem_[T]):
-        """The base class of the systems for scalar type T."""
-
-        __slots__ = (PEERS, "_ports")
-        _T, _applied, _force = T, ExternallyAppliedSpatialForce_[T], SpatialForce_[T]
-
-    return System
+S = TypeVar("S", bound=System)
 
 
-def system_template(*others: type) -> Callable[[Callable[[type], type]], TemplateSystem]:
-    """Decorates `Name_(T)`, which makes the system for scalar type T: float and `others`, by default AutoDiffXd."""
-    def decorate(make: Callable[[type], type]) -> TemplateSystem:
-        return TemplateSystem.define(make.__name__, T_list=[float, *(others or [AutoDiffXd])],
-                                     scope=sys.modules[make.__module__])(make)
+def system_template(*others: type) -> Callable[[type[S]], type[S]]:
+    """Decorates a System: it becomes the class for float; those for float and `others`, by default AutoDiffXd, are in
+    its `template`."""
+    def decorate(cls: type[S]) -> type[S]:
+        define: Any = TemplateSystem.define
+        cls.template = define(f"{cls.__name__}_", T_list=[float, *(others or [AutoDiffXd])],
+                              scope=sys.modules[cls.__module__])(lambda T: _instantiation(cls, T))
+        for_float: type[S] = cls.template[float]
+        return for_float
 
     return decorate
+
+
+def _instantiation(cls: type[S], T: type) -> type:
+    """The class for scalar type T, which TemplateSystem gives the `__init__` that chooses between these two."""
+    leaf, construct = LeafSystem_[T], cls.__init__
+
+    @wraps(construct)
+    def _construct(self: Any, *, converter: Any = None, **arguments: Any) -> None:
+        leaf.__init__(self, converter=converter)
+        self._arguments, self._ports, self.parameter_index, self._shapes = arguments, {}, {}, {}
+        construct(self, **arguments)
+
+    def _construct_copy(self: Any, other: S, converter: Any = None) -> None:
+        _construct(self, converter=converter, **other._arguments_for(T))
+
+    return type(cls.__name__, (cls, leaf), {
+        "__doc__": cls.__doc__, "__slots__": (PEERS, "_ports"), "_T": T, "_construct": _construct,
+        "_construct_copy": _construct_copy})

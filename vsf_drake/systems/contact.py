@@ -3,324 +3,308 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import GeometryId
-from pydrake.multibody.plant import ContactResults_
+from pydrake.multibody.plant import ContactResults, ContactResults_
 from pydrake.systems.framework import Context
 
 from vsf_drake.laws.kelvin_voigt import UNLOADING_BRANCHES, normal_force, penetration_depth
 from vsf_drake.laws.stick_slip import friction_force
-from vsf_drake.systems._system import System_, cross, system_template
+from vsf_drake.systems._system import System, cross, system_template
 
 
-@cache
-def _AtSites_(T: type) -> Any:
-    class AtSites(System_(T)):
-        """A system of N sites S, the i-th fixed to body B = body_indices[i].
+class _AtSites(System):
+    """A system of N sites S, the i-th fixed to body B = body_indices[i].
 
-        Forces on the sites of one body are summed to one spatial force at the body's origin, which is statically the
-        same and costs less to hand over.
-        """
+    Forces on the sites of one body are summed to one spatial force at the body's origin, which is statically the
+    same and costs less to hand over.
+    """
 
-        def _declare_sites(self, body_indices: Sequence[int], *kinematics: str) -> int:
-            """Returns N."""
-            bodies, self._row = np.unique([int(index) for index in body_indices], return_inverse=True)
-            self._bodies = [int(body) for body in bodies]
-            self._sum = (np.arange(len(bodies))[:, None] == self._row).astype(float)
-            self._declare_kinematics(*kinematics)
-            return len(self._row)
+    def _declare_sites(self, body_indices: Sequence[int], *kinematics: str) -> int:
+        """Returns N."""
+        bodies, self._row = np.unique([int(index) for index in body_indices], return_inverse=True)
+        self._bodies = [int(body) for body in bodies]
+        self._sum = (np.arange(len(bodies))[:, None] == self._row).astype(float)
+        self._declare_kinematics(*kinematics)
+        return len(self._row)
 
-        def _positions(self, context, p_BS: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            """p_WS and p_BoS_W, each (N, 3)."""
-            poses = self._value(context, "body_poses")
-            X_WB = np.array([poses[body].GetAsMatrix34() for body in self._bodies]).take(self._row, axis=0)
-            p_BoS_W = (X_WB[:, :, :3] @ p_BS[:, :, None])[:, :, 0]
-            return X_WB[:, :, 3] + p_BoS_W, p_BoS_W
+    def _positions(self, context: Context, p_BS: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """p_WS and p_BoS_W, each (N, 3)."""
+        poses = self._value(context, "body_poses")
+        X_WB = np.array([poses[body].GetAsMatrix34() for body in self._bodies]).take(self._row, axis=0)
+        p_BoS_W = (X_WB[:, :, :3] @ p_BS[:, :, None])[:, :, 0]
+        return X_WB[:, :, 3] + p_BoS_W, p_BoS_W
 
-        def _velocities(self, context, p_BoS_W: np.ndarray) -> np.ndarray:
-            """v_WS (N, 3)."""
-            velocities = self._value(context, "body_spatial_velocities")
-            V_WB = np.array([velocities[body].get_coeffs() for body in self._bodies]).take(self._row, axis=0)
-            return V_WB[:, 3:] + cross(V_WB[:, :3], p_BoS_W)
+    def _velocities(self, context: Context, p_BoS_W: np.ndarray) -> np.ndarray:
+        """(N, 3) m/s."""
+        velocities = self._value(context, "body_spatial_velocities")
+        V_WB = np.array([velocities[body].get_coeffs() for body in self._bodies]).take(self._row, axis=0)
+        v_WS: np.ndarray = V_WB[:, 3:] + cross(V_WB[:, :3], p_BoS_W)
+        return v_WS
 
-        def _declare_forces(self, entry: Callable[[Context], dict[str, Any]]) -> None:
-            """spatial_forces: the cached mapping's forces f_Q_W (N, 3), or (N,) along +z_W, at the sites' points Q."""
-            bodies, sums = self._bodies, self._sum
+    def _declare_forces(self, entry: Callable[[Context], dict[str, Any]]) -> None:
+        """spatial_forces: the cached mapping's forces f_Q_W (N, 3), or (N,) along +z_W, at the sites' points Q."""
+        bodies, sums = self._bodies, self._sum
 
-            def summed(context) -> Iterable[tuple[int, np.ndarray]]:
-                p_BoQ_W, f_Q_W = entry(context)["applied"]
-                if f_Q_W.ndim == 1:
-                    f_Q_W = f_Q_W[:, None] * np.array([0.0, 0.0, 1.0])
-                return zip(bodies, sums @ np.concatenate((cross(p_BoQ_W, f_Q_W), f_Q_W), axis=1), strict=True)
+        def summed(context: Context) -> Iterable[tuple[int, np.ndarray]]:
+            p_BoQ_W, f_Q_W = entry(context)["applied"]
+            if f_Q_W.ndim == 1:
+                f_Q_W = f_Q_W[:, None] * np.array([0.0, 0.0, 1.0])
+            return zip(bodies, sums @ np.concatenate((cross(p_BoQ_W, f_Q_W), f_Q_W), axis=1), strict=True)
 
-            self._declare_spatial_forces(summed)
-
-    return AtSites
+        self._declare_spatial_forces(summed)
 
 
 @system_template()
-def KelvinVoigtContact_(T):
-    class Impl(_AtSites_(T)):
-        """Modified Kelvin-Voigt contact of N spheres with the ground plane.
+class KelvinVoigtContact(_AtSites):
+    """Modified Kelvin-Voigt contact of N spheres with the ground plane.
 
-        The law is `vsf_drake.laws.kelvin_voigt.normal_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 1) with depth =
-        ground height + radius - z_S and depth rate = -v_Sz of the sphere centre S. The force acts along +z_W at the
-        contact point C, a radius below S. There is no friction here: see `StickSlipFriction`.
+    The law is `vsf_drake.laws.kelvin_voigt.normal_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 1) with depth =
+    ground height + radius - z_S and depth rate = -v_Sz of the sphere centre S. The force acts along +z_W at the
+    contact point C, a radius below S. There is no friction here: see `StickSlipFriction`.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: KelvinVoigtContact
-            input_ports:
-            - body_poses
-            - body_spatial_velocities
-            output_ports:
-            - normal_force
-            - depth
-            - depth_rate
-            - spatial_forces
+        name: KelvinVoigtContact
+        input_ports:
+        - body_poses
+        - body_spatial_velocities
+        output_ports:
+        - normal_force
+        - depth
+        - depth_rate
+        - spatial_forces
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: normal_force (N,) N, >= 0;
-        depth (N,) m; depth_rate (N,) m/s, also without contact; spatial_forces, one per body.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: normal_force (N,) N, >= 0;
+    depth (N,) m; depth_rate (N,) m/s, also without contact; spatial_forces, one per body.
 
-        Args:
-            body_indices, p_BS, radius: of each sphere body, (N, 3) centre in the body's frame and (N,) radius (m).
-            stiffness, exponent, damping, full_damping_depth: (N,) constants of the law, SI.
-            ground_height: z of the ground in W (m).
-            unloading: branch of the law while the depth falls, "continuous" or "printed"; else ValueError.
+    Args:
+        body_indices, p_BS, radius: of each sphere body, (N, 3) centre in the body's frame and (N,) radius (m).
+        stiffness, exponent, damping, full_damping_depth: (N,) constants of the law, SI.
+        ground_height: z of the ground in W (m).
+        unloading: branch of the law while the depth falls, "continuous" or "printed"; else ValueError.
 
-        Parameters in the Context: p_BS, radius, stiffness, exponent, damping, full_damping_depth, ground_height.
-        """
+    Parameters in the Context: p_BS, radius, stiffness, exponent, damping, full_damping_depth, ground_height.
+    """
 
-        def _construct(
-            self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, stiffness: np.ndarray,
-            exponent: np.ndarray, damping: np.ndarray, full_damping_depth: np.ndarray, ground_height: float = 0.0,
-            unloading: str = "continuous"
-        ) -> None:
-            if unloading not in UNLOADING_BRANCHES:
-                raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")
-            self._unloading, count = unloading, self._declare_sites(body_indices)
-            each = (count,)
-            self._declare_parameters(
-                p_BS=(p_BS, (count, 3)), radius=(radius, each), stiffness=(stiffness, each), exponent=(exponent, each),
-                damping=(damping, each), full_damping_depth=(full_damping_depth, each),
-                ground_height=(ground_height, ()))
-            contact = self._declare_cached("contact", self._calc_contact)
-            self._declare_parts(contact, normal_force=count, depth=count, depth_rate=count)
-            self._declare_forces(contact)
+    def __init__(
+        self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, stiffness: np.ndarray,
+        exponent: np.ndarray, damping: np.ndarray, full_damping_depth: np.ndarray, ground_height: float = 0.0,
+        unloading: str = "continuous"
+    ) -> None:
+        if unloading not in UNLOADING_BRANCHES:
+            raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")
+        self._unloading, count = unloading, self._declare_sites(body_indices)
+        each = (count,)
+        self._declare_parameters(
+            p_BS=(p_BS, (count, 3)), radius=(radius, each), stiffness=(stiffness, each), exponent=(exponent, each),
+            damping=(damping, each), full_damping_depth=(full_damping_depth, each),
+            ground_height=(ground_height, ()))
+        contact = self._declare_cached("contact", self._calc_contact)
+        self._declare_parts(contact, normal_force=count, depth=count, depth_rate=count)
+        self._declare_forces(contact)
 
-        def _calc_contact(self, context) -> dict[str, Any]:
-            law = dict(self._constants(context))
-            radius, ground_height = law.pop("radius"), law.pop("ground_height")
-            p_WS, p_BoS_W = self._positions(context, law.pop("p_BS"))
-            v_WS = self._velocities(context, p_BoS_W)
-            depth, depth_rate = penetration_depth(p_WS[:, 2] - ground_height, radius), -v_WS[:, 2]
-            force = normal_force(depth, depth_rate, **law, unloading=self._unloading)
-            return {"normal_force": force, "depth": depth, "depth_rate": depth_rate,
-                    "applied": (p_BoS_W, force)}  # S, C: one line of action
-
-    return Impl
+    def _calc_contact(self, context: Context) -> dict[str, Any]:
+        law = dict(self._constants(context))
+        radius, ground_height = law.pop("radius"), law.pop("ground_height")
+        p_WS, p_BoS_W = self._positions(context, law.pop("p_BS"))
+        v_WS = self._velocities(context, p_BoS_W)
+        depth, depth_rate = penetration_depth(p_WS[:, 2] - ground_height, radius), -v_WS[:, 2]
+        force = normal_force(depth, depth_rate, **law, unloading=self._unloading)
+        return {"normal_force": force, "depth": depth, "depth_rate": depth_rate,
+                "applied": (p_BoS_W, force)}  # S, C: one line of action
 
 
-KelvinVoigtContact = KelvinVoigtContact_[float]
+KelvinVoigtContact_ = KelvinVoigtContact.template
 
 
 @system_template()
-def StickSlipFriction_(T):
-    class Impl(_AtSites_(T)):
-        """Stick-slip friction of N spheres on the ground plane.
+class StickSlipFriction(_AtSites):
+    """Stick-slip friction of N spheres on the ground plane.
 
-        The law is `vsf_drake.laws.stick_slip.friction_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 2). The slip is
-        the horizontal velocity of the point C that is fixed to the body, one full radius (not radius less depth) below
-        the sphere centre S: (v_Sx - w_y radius, v_Sy + w_x radius). The force acts at C.
+    The law is `vsf_drake.laws.stick_slip.friction_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 2). The slip is
+    the horizontal velocity of the point C that is fixed to the body, one full radius (not radius less depth) below
+    the sphere centre S: (v_Sx - w_y radius, v_Sy + w_x radius). The force acts at C.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: StickSlipFriction
-            input_ports:
-            - body_poses
-            - body_spatial_velocities
-            - normal_force
-            output_ports:
-            - friction_force
-            - spatial_forces
+        name: StickSlipFriction
+        input_ports:
+        - body_poses
+        - body_spatial_velocities
+        - normal_force
+        output_ports:
+        - friction_force
+        - spatial_forces
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force (N,) N, of a
-        `KelvinVoigtContact` with the same sites. Outputs: friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the
-        spheres; spatial_forces, one per body.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force (N,) N, of a
+    `KelvinVoigtContact` with the same sites. Outputs: friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the
+    spheres; spatial_forces, one per body.
 
-        Args:
-            body_indices, p_BS, radius: of each sphere body, (N, 3) centre in the body's frame and (N,) radius (m).
-            mu_static, mu_kinetic, threshold_velocity: constants of the law; scalars.
-            smooth: use the variant with a continuous derivative.
+    Args:
+        body_indices, p_BS, radius: of each sphere body, (N, 3) centre in the body's frame and (N,) radius (m).
+        mu_static, mu_kinetic, threshold_velocity: constants of the law; scalars.
+        smooth: use the variant with a continuous derivative.
 
-        Parameters in the Context: p_BS, radius, mu_static, mu_kinetic, threshold_velocity.
-        """
+    Parameters in the Context: p_BS, radius, mu_static, mu_kinetic, threshold_velocity.
+    """
 
-        def _construct(
-            self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, mu_static: float,
-            mu_kinetic: float, threshold_velocity: float, smooth: bool = False
-        ) -> None:
-            self._smooth, count = smooth, self._declare_sites(body_indices)
-            self._declare_inputs(normal_force=count)
-            self._declare_parameters(
-                p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), mu_static=(mu_static, ()),
-                mu_kinetic=(mu_kinetic, ()), threshold_velocity=(threshold_velocity, ()))
-            friction = self._declare_cached("friction", self._calc_friction)
-            self._declare_parts(friction, friction_force=3 * count)
-            self._declare_forces(friction)
+    def __init__(
+        self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, mu_static: float,
+        mu_kinetic: float, threshold_velocity: float, smooth: bool = False
+    ) -> None:
+        self._smooth, count = smooth, self._declare_sites(body_indices)
+        self._declare_inputs(normal_force=count)
+        self._declare_parameters(
+            p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), mu_static=(mu_static, ()),
+            mu_kinetic=(mu_kinetic, ()), threshold_velocity=(threshold_velocity, ()))
+        friction = self._declare_cached("friction", self._calc_friction)
+        self._declare_parts(friction, friction_force=3 * count)
+        self._declare_forces(friction)
 
-        def _calc_friction(self, context) -> dict[str, Any]:
-            law = dict(self._constants(context))
-            _, p_BoC_W = self._positions(context, law.pop("p_BS"))
-            p_BoC_W[:, 2] -= law.pop("radius")
-            v_WC = self._velocities(context, p_BoC_W)
-            f_C_W = 0.0 * v_WC
-            f_C_W[:, :2] = friction_force(v_WC[:, :2], self._value(context, "normal_force"), **law, smooth=self._smooth)
-            return {"friction_force": f_C_W.ravel(), "applied": (p_BoC_W, f_C_W)}
-
-    return Impl
+    def _calc_friction(self, context: Context) -> dict[str, Any]:
+        law = dict(self._constants(context))
+        _, p_BoC_W = self._positions(context, law.pop("p_BS"))
+        p_BoC_W[:, 2] -= law.pop("radius")
+        v_WC = self._velocities(context, p_BoC_W)
+        f_C_W = 0.0 * v_WC
+        f_C_W[:, :2] = friction_force(v_WC[:, :2], self._value(context, "normal_force"), **law, smooth=self._smooth)
+        return {"friction_force": f_C_W.ravel(), "applied": (p_BoC_W, f_C_W)}
 
 
-StickSlipFriction = StickSlipFriction_[float]
+StickSlipFriction_ = StickSlipFriction.template
 
 
 @system_template()
-def GroundReaction_(T):
-    class Impl(_AtSites_(T)):
-        """Ground reaction force on N spheres, its centre of pressure and free moment.
+class GroundReaction(_AtSites):
+    """Ground reaction force on N spheres, its centre of pressure and free moment.
 
-        The forces act at the contact points C_i = S_i - radius z_W. With their sum F and their moment M about the
-        origin of W, the centre of pressure is the point of the ground plane (height h) about which the moment has no
-        horizontal component,
+    The forces act at the contact points C_i = S_i - radius z_W. With their sum F and their moment M about the
+    origin of W, the centre of pressure is the point of the ground plane (height h) about which the moment has no
+    horizontal component,
 
-            cop = ((h F_x - M_y) / F_z, (h F_y + M_x) / F_z, h),
+        cop = ((h F_x - M_y) / F_z, (h F_y + M_x) / F_z, h),
 
-        and the free moment is what is left about the vertical there, M_z - (cop × F)_z. That is how a force plate makes
-        them of force and moment. A real plate is touched at its surface; here, as in the library that the paper used,
-        friction acts at the contact points, which lie below h by their depths, so that the horizontal forces have a
-        small moment about the plane. For contact points in the plane the centre of pressure equals the force-weighted
-        mean Σ N_i C_i / Σ N_i of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4; otherwise the two differ by at most the
-        friction coefficient times the largest depth.
+    and the free moment is what is left about the vertical there, M_z - (cop × F)_z. That is how a force plate makes
+    them of force and moment. A real plate is touched at its surface; here, as in the library that the paper used,
+    friction acts at the contact points, which lie below h by their depths, so that the horizontal forces have a
+    small moment about the plane. For contact points in the plane the centre of pressure equals the force-weighted
+    mean Σ N_i C_i / Σ N_i of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4; otherwise the two differ by at most the
+    friction coefficient times the largest depth.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: GroundReaction
-            input_ports:
-            - body_poses
-            - normal_force
-            - friction_force
-            output_ports:
-            - grf
-            - cop
-            - free_moment
+        name: GroundReaction
+        input_ports:
+        - body_poses
+        - normal_force
+        - friction_force
+        output_ports:
+        - grf
+        - cop
+        - free_moment
 
-        Inputs: body_poses, of all bodies of the plant; normal_force (N,) N, of `KelvinVoigtContact`; friction_force (3
-        N,), N rows (fx, fy, 0) in W, of `StickSlipFriction`; of one foot of two, of its own sites. Outputs: grf (3,) N
-        in W, on the model; cop (3,) m in W; free_moment (1,) N m about +z_W, on the model. Without load all three are
-        zero (so cop is the origin of W: check grf first).
+    Inputs: body_poses, of all bodies of the plant; normal_force (N,) N, of `KelvinVoigtContact`; friction_force (3
+    N,), N rows (fx, fy, 0) in W, of `StickSlipFriction`; of one foot of two, of its own sites. Outputs: grf (3,) N
+    in W, on the model; cop (3,) m in W; free_moment (1,) N m about +z_W, on the model. Without load all three are
+    zero (so cop is the origin of W: check grf first).
 
-        Args:
-            body_indices, p_BS, radius: of each sphere body, (N, 3) centre in the body's frame and (N,) radius (m).
-            ground_height: z of the ground in W (m).
+    Args:
+        body_indices, p_BS, radius: of each sphere body, (N, 3) centre in the body's frame and (N,) radius (m).
+        ground_height: z of the ground in W (m).
 
-        Parameters in the Context: p_BS, radius, ground_height.
-        """
+    Parameters in the Context: p_BS, radius, ground_height.
+    """
 
-        def _construct(
-            self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, ground_height: float = 0.0
-        ) -> None:
-            count = self._declare_sites(body_indices, "body_poses")
-            self._declare_inputs(normal_force=count, friction_force=3 * count)
-            self._declare_parameters(
-                p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), ground_height=(ground_height, ()))
-            reaction = self._declare_cached("reaction", self._calc_reaction)
-            self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
+    def __init__(
+        self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, ground_height: float = 0.0
+    ) -> None:
+        count = self._declare_sites(body_indices, "body_poses")
+        self._declare_inputs(normal_force=count, friction_force=3 * count)
+        self._declare_parameters(
+            p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), ground_height=(ground_height, ()))
+        reaction = self._declare_cached("reaction", self._calc_reaction)
+        self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
 
-        def _calc_reaction(self, context) -> dict[str, np.ndarray]:
-            constants = self._constants(context)
-            p_WC, _ = self._positions(context, constants["p_BS"])
-            p_WC[:, 2] -= constants["radius"]
-            force = self._value(context, "friction_force").reshape(-1, 3).copy()
-            force[:, 2] += self._value(context, "normal_force")
-            return _on_plane(force.sum(axis=0), cross(p_WC, force).sum(axis=0), constants["ground_height"])
-
-    return Impl
+    def _calc_reaction(self, context: Context) -> dict[str, np.ndarray]:
+        constants = self._constants(context)
+        p_WC, _ = self._positions(context, constants["p_BS"])
+        p_WC[:, 2] -= constants["radius"]
+        force = self._value(context, "friction_force").reshape(-1, 3).copy()
+        force[:, 2] += self._value(context, "normal_force")
+        return _on_plane(force.sum(axis=0), cross(p_WC, force).sum(axis=0), constants["ground_height"])
 
 
-GroundReaction = GroundReaction_[float]
+GroundReaction_ = GroundReaction.template
 
 
 @system_template()
-def DrakeReaction_(T):
-    class Impl(System_(T)):
-        """Ground reaction force, centre of pressure and free moment of one foot out of a plant's contact results.
+class DrakeReaction(System):
+    """Ground reaction force, centre of pressure and free moment of one foot out of a plant's contact results.
 
-        The same three outputs as `GroundReaction`, by the same formulas (see there), for point contact and
-        hydroelastic contact: the sum of all contacts between the foot's bodies and anything else, reduced to the level
-        plane through the mean of what is touched, weighted by the size of the forces: on level ground that is its
-        surface; on a slope cop is where the force crosses that plane.
+    The same three outputs as `GroundReaction`, by the same formulas (see there), for point contact and
+    hydroelastic contact: the sum of all contacts between the foot's bodies and anything else, reduced to the level
+    plane through the mean of what is touched, weighted by the size of the forces: on level ground that is its
+    surface; on a slope cop is where the force crosses that plane.
 
-        No geometry query is needed: contact results hold points, forces and bodies, and of a hydroelastic contact the
-        geometries. In a plant with a time step they are those of the last step, so before the first all is zero.
+    No geometry query is needed: contact results hold points, forces and bodies, and of a hydroelastic contact the
+    geometries. In a plant with a time step they are those of the last step, so before the first all is zero.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: DrakeReaction
-            input_ports:
-            - contact_results
-            output_ports:
-            - grf
-            - cop
-            - free_moment
+        name: DrakeReaction
+        input_ports:
+        - contact_results
+        output_ports:
+        - grf
+        - cop
+        - free_moment
 
-        Inputs: contact_results, of the plant (`wire_foot` connects it). Outputs: grf (3,) N in W, on the foot; cop (3,)
-        m in W; free_moment (1,) N m about +z_W, on the foot. Without load all three are zero.
+    Inputs: contact_results, of the plant (`wire_foot` connects it). Outputs: grf (3,) N in W, on the foot; cop (3,)
+    m in W; free_moment (1,) N m about +z_W, on the foot. Without load all three are zero.
 
-        Args:
-            body_indices: the foot's bodies.
-            geometry_ids: the collision geometries on them.
-        """
+    Args:
+        body_indices: the foot's bodies.
+        geometry_ids: the collision geometries on them.
+    """
 
-        def _construct(self, *, body_indices: Sequence[int], geometry_ids: Iterable[GeometryId | int]) -> None:
-            self._bodies = frozenset(int(i) for i in body_indices)
-            self._geometries = frozenset(_number(id) for id in geometry_ids)
-            self._arguments["geometry_ids"] = self._geometries
-            self._ports["contact_results"] = self.DeclareAbstractInputPort(
-                "contact_results", AbstractValue.Make(ContactResults_[T]()))
-            reaction = self._declare_cached("reaction", self._calc_reaction)
-            self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
+    def __init__(self, *, body_indices: Sequence[int], geometry_ids: Iterable[GeometryId | int]) -> None:
+        self._bodies = frozenset(int(i) for i in body_indices)
+        self._geometries = frozenset(_number(id) for id in geometry_ids)
+        self._arguments["geometry_ids"] = self._geometries
+        self._ports["contact_results"] = self.DeclareAbstractInputPort(
+            "contact_results", AbstractValue.Make(ContactResults_[self._T]()))
+        reaction = self._declare_cached("reaction", self._calc_reaction)
+        self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
 
-        def _calc_reaction(self, context) -> dict[str, np.ndarray]:
-            F, M, size, height = np.zeros(3), np.zeros(3), 0.0, 0.0
-            for point, touched, force, moment in self._contacts(self._value(context, "contact_results")):
-                F, M = F + force, M + moment + cross(point, force)
-                weight = np.sqrt(force @ force)
-                size, height = size + weight, height + weight * touched[2]
-            return _on_plane(F, M, height / size if F[2] > 0 else height)
+    def _calc_reaction(self, context: Context) -> dict[str, np.ndarray]:
+        F, M, size, height = np.zeros(3), np.zeros(3), 0.0, 0.0
+        for point, touched, force, moment in self._contacts(self._value(context, "contact_results")):
+            F, M = F + force, M + moment + cross(point, force)
+            weight = np.sqrt(force @ force)
+            size, height = size + weight, height + weight * touched[2]
+        return _on_plane(F, M, height / size if F[2] > 0 else height)
 
-        def _contacts(self, results) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-            """Point in W, point of the other's surface, force and moment on the foot of each contact with another."""
-            for i in range(results.num_point_pair_contacts()):
-                info = results.point_pair_contact_info(i)
-                on_A, on_B = int(info.bodyA_index()) in self._bodies, int(info.bodyB_index()) in self._bodies
-                if on_A != on_B:
-                    force, pair = info.contact_force(), info.point_pair()
-                    yield (info.contact_point(), pair.p_WCa if on_B else pair.p_WCb, force if on_B else -force,
-                           np.zeros(3))
-            for i in range(results.num_hydroelastic_contacts()):
-                info = results.hydroelastic_contact_info(i)
-                surface, F_Ac_W = info.contact_surface(), info.F_Ac_W()
-                on_M, on_N = (_number(id) in self._geometries for id in (surface.id_M(), surface.id_N()))
-                if on_M != on_N:
-                    sign = 1.0 if on_M else -1.0
-                    centroid = surface.centroid()
-                    yield centroid, centroid, sign * F_Ac_W.translational(), sign * F_Ac_W.rotational()
-
-    return Impl
+    def _contacts(self, results: ContactResults) -> Iterable[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """Point in W, point of the other's surface, force and moment on the foot of each contact with another."""
+        for i in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(i)
+            on_A, on_B = int(info.bodyA_index()) in self._bodies, int(info.bodyB_index()) in self._bodies
+            if on_A != on_B:
+                force, pair = info.contact_force(), info.point_pair()
+                yield (info.contact_point(), pair.p_WCa if on_B else pair.p_WCb, force if on_B else -force,
+                       np.zeros(3))
+        for i in range(results.num_hydroelastic_contacts()):
+            pressed = results.hydroelastic_contact_info(i)
+            surface, F_Ac_W = pressed.contact_surface(), pressed.F_Ac_W()
+            on_M, on_N = (_number(id) in self._geometries for id in (surface.id_M(), surface.id_N()))
+            if on_M != on_N:
+                sign = 1.0 if on_M else -1.0
+                centroid = surface.centroid()
+                yield centroid, centroid, sign * F_Ac_W.translational(), sign * F_Ac_W.rotational()
 
 
 def _on_plane(F: np.ndarray, M: np.ndarray, height: Any) -> dict[str, np.ndarray]:
@@ -337,68 +321,65 @@ def _number(geometry_id: GeometryId | int) -> int:
     return geometry_id if isinstance(geometry_id, int) else geometry_id.get_value()
 
 
-DrakeReaction = DrakeReaction_[float]
+DrakeReaction_ = DrakeReaction.template
 
 
 @system_template()
-def TestingMachine_(T):
-    class Impl(_AtSites_(T)):
-        """A massless platen that presses N sites of the foot from below, in displacement control.
+class TestingMachine(_AtSites):
+    """A massless platen that presses N sites of the foot from below, in displacement control.
 
-        The platen carries one ball under each site and keeps it there horizontally, so that the load stays vertical and
-        at the same material point however far the foot bends, as the sphere-to-sphere contact of McGeehan 2021 (doi
-        10.1115/1.4050456). Ball and site touch when the platen's height z_p equals the site's, so radii are part of
-        z_p; then depth = z_p - z_S, depth rate = v_p - v_Sz, and the law is `vsf_drake.laws.kelvin_voigt.normal_force`.
-        The force acts along +z_W at S. No friction.
+    The platen carries one ball under each site and keeps it there horizontally, so that the load stays vertical and
+    at the same material point however far the foot bends, as the sphere-to-sphere contact of McGeehan 2021 (doi
+    10.1115/1.4050456). Ball and site touch when the platen's height z_p equals the site's, so radii are part of
+    z_p; then depth = z_p - z_S, depth rate = v_p - v_Sz, and the law is `vsf_drake.laws.kelvin_voigt.normal_force`.
+    The force acts along +z_W at S. No friction.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: TestingMachine
-            input_ports:
-            - body_poses
-            - body_spatial_velocities
-            - platen
-            output_ports:
-            - load
-            - depth
-            - spatial_forces
+        name: TestingMachine
+        input_ports:
+        - body_poses
+        - body_spatial_velocities
+        - platen
+        output_ports:
+        - load
+        - depth
+        - spatial_forces
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,), height (m in W) and
-        velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,) m; spatial_forces, one per body.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,), height (m in W) and
+    velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,) m; spatial_forces, one per body.
 
-        Args:
-            body_indices, p_BS: of each site body and (N, 3) place in the body's frame (m).
-            stiffness, exponent, damping, full_damping_depth: (N,) constants of the law, SI.
+    Args:
+        body_indices, p_BS: of each site body and (N, 3) place in the body's frame (m).
+        stiffness, exponent, damping, full_damping_depth: (N,) constants of the law, SI.
 
-        Parameters in the Context: p_BS, stiffness, exponent, damping, full_damping_depth.
-        """
+    Parameters in the Context: p_BS, stiffness, exponent, damping, full_damping_depth.
+    """
 
-        __test__ = False  # not a test class, whatever pytest thinks of its name
+    __test__ = False  # not a test class, whatever pytest thinks of its name
 
-        def _construct(
-            self, *, body_indices: Sequence[int], p_BS: np.ndarray, stiffness: np.ndarray, exponent: np.ndarray,
-            damping: np.ndarray, full_damping_depth: np.ndarray
-        ) -> None:
-            count = self._declare_sites(body_indices)
-            each = (count,)
-            self._declare_inputs(platen=2)
-            self._declare_parameters(
-                p_BS=(p_BS, (count, 3)), stiffness=(stiffness, each), exponent=(exponent, each),
-                damping=(damping, each), full_damping_depth=(full_damping_depth, each))
-            contact = self._declare_cached("contact", self._calc_contact)
-            self._declare_parts(contact, load=1, depth=count)
-            self._declare_forces(contact)
+    def __init__(
+        self, *, body_indices: Sequence[int], p_BS: np.ndarray, stiffness: np.ndarray, exponent: np.ndarray,
+        damping: np.ndarray, full_damping_depth: np.ndarray
+    ) -> None:
+        count = self._declare_sites(body_indices)
+        each = (count,)
+        self._declare_inputs(platen=2)
+        self._declare_parameters(
+            p_BS=(p_BS, (count, 3)), stiffness=(stiffness, each), exponent=(exponent, each),
+            damping=(damping, each), full_damping_depth=(full_damping_depth, each))
+        contact = self._declare_cached("contact", self._calc_contact)
+        self._declare_parts(contact, load=1, depth=count)
+        self._declare_forces(contact)
 
-        def _calc_contact(self, context) -> dict[str, Any]:
-            law = dict(self._constants(context))
-            height, velocity = self._value(context, "platen")
-            p_WS, p_BoS_W = self._positions(context, law.pop("p_BS"))
-            v_WS = self._velocities(context, p_BoS_W)
-            depth = penetration_depth(p_WS[:, 2], height)
-            force = normal_force(depth, velocity - v_WS[:, 2], **law)
-            return {"load": [force.sum()], "depth": depth, "applied": (p_BoS_W, force)}
-
-    return Impl
+    def _calc_contact(self, context: Context) -> dict[str, Any]:
+        law: dict[str, Any] = dict(self._constants(context))
+        height, velocity = self._value(context, "platen")
+        p_WS, p_BoS_W = self._positions(context, law.pop("p_BS"))
+        v_WS = self._velocities(context, p_BoS_W)
+        depth = penetration_depth(p_WS[:, 2], height)
+        force = normal_force(depth, velocity - v_WS[:, 2], **law)
+        return {"load": [force.sum()], "depth": depth, "applied": (p_BoS_W, force)}
 
 
-TestingMachine = TestingMachine_[float]
+TestingMachine_ = TestingMachine.template

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
+from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
 from vsf_drake.systems._foot_kernel import (
@@ -18,7 +19,7 @@ from vsf_drake.systems._foot_kernel import (
     foot_vector_in_python,
     slices,
 )
-from vsf_drake.systems._system import System_, system_template
+from vsf_drake.systems._system import System, system_template
 
 PER_JOINT = ("joint_stiffness", "joint_damping")
 DEVICE = dict.fromkeys(PER_JOINT, "m") | dict.fromkeys(
@@ -31,141 +32,140 @@ GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "f
 
 
 @system_template()
-def FootForces_(T):
-    class Impl(System_(T)):
-        """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into.
+class FootForces(System):
+    """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into.
 
-        In one system what `KelvinVoigtContact`, `StickSlipFriction`, `GroundReaction`, `FulcrumSupport`,
-        `KeelElasticity` and the carriage's servo do apart, at a fraction of their cost, on a ground of several plane
-        patches. The keel is planar and its joint angles are in the state, so of the plant's poses and velocities only
-        those of the rigid frame F are read, and the plant gets one spatial force on F beside moments in the keel's
-        joints. Laws and sources: `vsf_drake.laws` (kelvin_voigt, smooth_contact or hunt_crossley, as `law` says;
-        stick_slip, with its smooth variant where the law is "smooth"; ground), McGeehan 2021 (doi 10.1115/1.4050456).
+    In one system what `KelvinVoigtContact`, `StickSlipFriction`, `GroundReaction`, `FulcrumSupport`,
+    `KeelElasticity` and the carriage's servo do apart, at a fraction of their cost, on a ground of several plane
+    patches. The keel is planar and its joint angles are in the state, so of the plant's poses and velocities only
+    those of the rigid frame F are read, and the plant gets one spatial force on F beside moments in the keel's
+    joints. Laws and sources: `vsf_drake.laws` (kelvin_voigt, smooth_contact or hunt_crossley, as `law` says;
+    stick_slip, with its smooth variant where the law is "smooth"; ground), McGeehan 2021 (doi 10.1115/1.4050456).
 
-        A sphere touches the highest patch at its centre S, of equally high ones the last, and none beyond all bounds.
-        Depth, depth rate and slip are taken along and across that patch's normal n, friction acts at C, a radius from S
-        against n. The centre of pressure is the point about which the moment has no component across the mean normal,
-        in the plane through the mean contact point; for a level ground that is what `GroundReaction` computes.
+    A sphere touches the highest patch at its centre S, of equally high ones the last, and none beyond all bounds.
+    Depth, depth rate and slip are taken along and across that patch's normal n, friction acts at C, a radius from S
+    against n. The centre of pressure is the point about which the moment has no component across the mean normal,
+    in the plane through the mean contact point; for a level ground that is what `GroundReaction` computes.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: FootForces
-            input_ports:
-            - body_poses
-            - body_spatial_velocities
-            - state
-            - fulcrum_position
-            output_ports:
-            - spatial_forces
-            - generalized_force
-            - support_force
-            - joint_moment
-            - grf
-            - cop
-            - free_moment
-            - normal_force
-            - depth
-            - depth_rate
-            - friction_force
+        name: FootForces
+        input_ports:
+        - body_poses
+        - body_spatial_velocities
+        - state
+        - fulcrum_position
+        output_ports:
+        - spatial_forces
+        - generalized_force
+        - support_force
+        - joint_moment
+        - grf
+        - cop
+        - free_moment
+        - normal_force
+        - depth
+        - depth_rate
+        - friction_force
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state (num_positions +
-        num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's posterior end A, where it is not
-        connected the parameter fulcrum_m holds. Outputs: spatial_forces on F; generalized_force (num_velocities,), zero
-        outside keel and carriage; support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,) N m of
-        the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the
-        mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,)
-        m/s, also without contact; friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment are
-        zero. With `law` None there is no contact and no output from grf on. `wire_foot` makes and connects it.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state (num_positions +
+    num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's posterior end A, where it is not
+    connected the parameter fulcrum_m holds. Outputs: spatial_forces on F; generalized_force (num_velocities,), zero
+    outside keel and carriage; support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,) N m of
+    the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the
+    mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,)
+    m/s, also without contact; friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment are
+    zero. With `law` None there is no contact and no output from grf on. `wire_foot` makes and connects it.
 
-        Args:
-            position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the plant's q and v.
-            frame_body_index: body F.
-            keel_starts: (m,) distances (m) of the keel's joints from A.
-            site_keel: N indices of the keel bodies that carry the spheres; -1 for F.
-            law: one of CONTACT_LAWS, or None.
-            constants: values of the parameters below by name; a scalar stands for equal values.
-            grip_limit: (m,) N s/m, in a plant with a time step: the most friction per speed, normal force · mu_static
-                / threshold_velocity on the roughest patch, that each keel body bears there. None: no limit.
+    Args:
+        position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the plant's q and v.
+        frame_body_index: body F.
+        keel_starts: (m,) distances (m) of the keel's joints from A.
+        site_keel: N indices of the keel bodies that carry the spheres; -1 for F.
+        law: one of CONTACT_LAWS, or None.
+        constants: values of the parameters below by name; a scalar stands for equal values.
+        grip_limit: (m,) N s/m, in a plant with a time step: the most friction per speed, normal force · mu_static
+            / threshold_velocity on the roughest patch, that each keel body bears there. None: no limit.
 
-        Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad; fulcrum_stiffness,
-        fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain, carriage_rate_gain N/m, N s/m;
-        and with a law p_BS (N, 3) m, radius (N,) m, stiffness, exponent, damping, full_damping_depth (N,) of
-        `laws.kelvin_voigt`, dissipation (N,) s/m of `laws.hunt_crossley`, depth_width, rate_width (m, m/s) of
-        `laws.smooth_contact`, threshold_velocity (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x,
-        ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see `vsf_drake.ground`.
+    Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad; fulcrum_stiffness,
+    fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain, carriage_rate_gain N/m, N s/m;
+    and with a law p_BS (N, 3) m, radius (N,) m, stiffness, exponent, damping, full_damping_depth (N,) of
+    `laws.kelvin_voigt`, dissipation (N,) s/m of `laws.hunt_crossley`, depth_width, rate_width (m, m/s) of
+    `laws.smooth_contact`, threshold_velocity (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x,
+    ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see `vsf_drake.ground`.
 
-        Raises:
-            ValueError: a constant is missing or unknown, or there is no such law.
-            InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a keel body is
-                beyond its grip_limit; a width, depth or velocity that a law divides by is not above 0.
-        """
+    Raises:
+        ValueError: a constant is missing or unknown, or there is no such law.
+        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a keel body is
+            beyond its grip_limit; a width, depth or velocity that a law divides by is not above 0.
+    """
 
-        def _construct(
-            self, *, num_positions: int, num_velocities: int, position_indices: Sequence[int],
-            velocity_indices: Sequence[int], frame_body_index: int, keel_starts: np.ndarray, site_keel: Sequence[int],
-            law: str | None, constants: dict[str, Any], grip_limit: np.ndarray | None = None
-        ) -> None:
-            if law is not None and law not in CONTACT_LAWS:
-                raise ValueError(f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None")
-            self._grip_limit = grip_limit
-            self._frame, self._count = int(frame_body_index), num_velocities
-            self._at = np.array([position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64)
-            self._law, self._starts = CONTACT_LAWS.index(law or CONTACT_LAWS[0]), np.array(keel_starts, dtype=float)
-            self._site_keel = np.array(site_keel if law else [], dtype=np.int64)
-            m, sites = len(self._starts), len(self._site_keel)
-            if self._at.shape != (2, m + 1):
-                raise ValueError(f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}")
-            self._slices = slices(m, sites, num_velocities)
-            self._declare_kinematics()
-            self._declare_inputs(state=num_positions + num_velocities, fulcrum_position=1)
-            known = DEVICE | (CONTACT if law else {})
-            wrong = known.keys() ^ constants.keys()
-            if wrong:
-                raise ValueError(f"missing or unknown: {', '.join(sorted(wrong))}; known are {', '.join(known)}")
-            patches = len(np.atleast_1d(constants.get("ground_height", 0.0)))
-            self._declare_parameters(**{
-                name: (constants[name], _shape(code, m=m, N=sites, M=patches)) for name, code in known.items()})
-            self._packed = self._declare_cached("packed", self._pack_constants, self.all_parameters_ticket())
-            self._values = values = self._declare_cached("values", self._calc_values)
-            self._declare_spatial_forces(self._spatial_forces)
-            for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
-                part = self._slices[name]
-                self._declare_output(name, part.stop - part.start, lambda context, part=part: values(context)[part])
+    def __init__(
+        self, *, num_positions: int, num_velocities: int, position_indices: Sequence[int],
+        velocity_indices: Sequence[int], frame_body_index: int, keel_starts: np.ndarray, site_keel: Sequence[int],
+        law: str | None, constants: dict[str, Any], grip_limit: np.ndarray | None = None
+    ) -> None:
+        if law is not None and law not in CONTACT_LAWS:
+            raise ValueError(f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None")
+        self._grip_limit = grip_limit
+        self._frame, self._count = int(frame_body_index), num_velocities
+        self._at = np.array([position_indices, num_positions + np.array(velocity_indices)], dtype=np.int64)
+        self._law, self._starts = CONTACT_LAWS.index(law or CONTACT_LAWS[0]), np.array(keel_starts, dtype=float)
+        self._site_keel = np.array(site_keel if law else [], dtype=np.int64)
+        m, sites = len(self._starts), len(self._site_keel)
+        if self._at.shape != (2, m + 1):
+            raise ValueError(f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}")
+        self._slices = slices(m, sites, num_velocities)
+        self._declare_kinematics()
+        self._declare_inputs(state=num_positions + num_velocities, fulcrum_position=1)
+        known = DEVICE | (CONTACT if law else {})
+        wrong = known.keys() ^ constants.keys()
+        if wrong:
+            raise ValueError(f"missing or unknown: {', '.join(sorted(wrong))}; known are {', '.join(known)}")
+        patches = len(np.atleast_1d(constants.get("ground_height", 0.0)))
+        self._declare_parameters(**{
+            name: (constants[name], _shape(code, m=m, N=sites, M=patches)) for name, code in known.items()})
+        self._packed = self._declare_cached("packed", self._pack_constants, self.all_parameters_ticket())
+        self._values = values = self._declare_cached("values", self._calc_values)
+        self._declare_spatial_forces(self._spatial_forces)
+        for name in ("generalized_force", *FORCES, *(GROUND if law else ())):
+            part = self._slices[name]
+            self._declare_part(name, part.stop - part.start, values, part)
 
-        def _pack_constants(self, context) -> tuple:
-            c = _NO_CONTACT | self._constants(context)
-            sites, patches, joints = (np.column_stack([c[name] for name in names])
-                                      for names in (SITE_COLUMNS, PATCH_COLUMNS, PER_JOINT))
-            return (self._law, self._starts, self._site_keel, c["p_BS"], sites, patches, c["ground_bounds"], joints,
-                    np.array([c[name] for name in SCALARS]), self._at, self._count)
+    def _pack_constants(self, context: Context) -> tuple[Any, ...]:
+        c = _NO_CONTACT | self._constants(context)
+        sites, patches, joints = (np.column_stack([c[name] for name in names])
+                                  for names in (SITE_COLUMNS, PATCH_COLUMNS, PER_JOINT))
+        return (self._law, self._starts, self._site_keel, c["p_BS"], sites, patches, c["ground_bounds"], joints,
+                np.array([c[name] for name in SCALARS]), self._at, self._count)
 
-        def _calc_values(self, context) -> np.ndarray:
-            X_WF = self._value(context, "body_poses")[self._frame].GetAsMatrix34()
-            V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
-            at = (X_WF, V_WF, self._value(context, "state"), self._fulcrum_place(context))
-            if T is AutoDiffXd:
-                return foot_vector_in_python(*self._packed(context), *at) + AutoDiffXd(0.0)  # not ints either
-            values = foot_vector(*self._packed(context), *at)
-            if self._grip_limit is not None:
-                self._check_grip(context, values[self._slices["normal_force"]])
+    def _calc_values(self, context: Context) -> np.ndarray:
+        X_WF = self._value(context, "body_poses")[self._frame].GetAsMatrix34()
+        V_WF = self._value(context, "body_spatial_velocities")[self._frame].get_coeffs()
+        arguments = (*self._packed(context), X_WF, V_WF, self._value(context, "state"), self._fulcrum_place(context))
+        values: np.ndarray
+        if self._T is AutoDiffXd:
+            values = foot_vector_in_python(*arguments) + AutoDiffXd(0.0)  # not ints either
             return values
+        values = foot_vector(*arguments)
+        if self._grip_limit is not None:
+            self._check_grip(context, values[self._slices["normal_force"]])
+        return values
 
-        def _check_grip(self, context, normal_force: np.ndarray) -> None:
-            constants, on = self._constants(context), self._site_keel
-            load = np.bincount(on[on >= 0], normal_force[on >= 0], len(self._starts))
-            share = load * constants["mu_static"].max() / constants["threshold_velocity"] / self._grip_limit
-            worst = int(np.argmax(share))
-            if share[worst] > 1.0:
-                raise InputError(
-                    f"{self.get_name()!r}: friction under {load[worst]:.0f} N on keel body {worst}, at "
-                    f"{context.get_time():.4g} s, is an explicit force and diverges in steps of this length",
-                    where="time_step", right=f"This step bears {load[worst] / share[worst]:.0f} N there: take one "
-                    "shorter in proportion to the load, contact drake_point or hydroelastic, or a continuous plant")
+    def _check_grip(self, context: Context, normal_force: np.ndarray) -> None:
+        constants, on = self._constants(context), self._site_keel
+        load = np.bincount(on[on >= 0], normal_force[on >= 0], len(self._starts))
+        share = load * constants["mu_static"].max() / constants["threshold_velocity"] / self._grip_limit
+        worst = int(np.argmax(share))
+        if share[worst] > 1.0:
+            raise InputError(
+                f"{self.get_name()!r}: friction under {load[worst]:.0f} N on keel body {worst}, at "
+                f"{context.get_time():.4g} s, is an explicit force and diverges in steps of this length",
+                where="time_step", right=f"This step bears {load[worst] / share[worst]:.0f} N there: take one "
+                "shorter in proportion to the load, contact drake_point or hydroelastic, or a continuous plant")
 
-        def _spatial_forces(self, context) -> Iterable[tuple[int, np.ndarray]]:
-            return [(self._frame, self._values(context)[self._slices["wrench"]])]
-
-    return Impl
+    def _spatial_forces(self, context: Context) -> Iterable[tuple[int, np.ndarray]]:
+        return [(self._frame, self._values(context)[self._slices["wrench"]])]
 
 
 def _shape(code: str, **sizes: int) -> tuple[int, ...]:
@@ -175,4 +175,4 @@ def _shape(code: str, **sizes: int) -> tuple[int, ...]:
 _NO_CONTACT = {name: np.ones(_shape(code, N=0, M=1)) for name, code in CONTACT.items()}
 
 
-FootForces = FootForces_[float]
+FootForces_ = FootForces.template

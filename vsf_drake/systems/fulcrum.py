@@ -11,314 +11,305 @@ import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import BasicVector_, DependencyTicket
+from pydrake.systems.framework import BasicVector_, Context, ContinuousState, DependencyTicket
 
 from vsf_drake.errors import InputError, require
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.parameters import ActuatorParameters
 from vsf_drake.schema import check
-from vsf_drake.systems._system import System_, cross, system_template
+from vsf_drake.systems._system import System, cross, system_template
 
 THREAD = ("screw_lead_m", "screw_mean_diameter_m", "thread_friction", "thread_flank_angle_rad")
 STATE = ("fulcrum_position", "carriage_velocity", "energy", "work", "losses")
 
 
 @system_template()
-def FulcrumSupport_(T):
-    class Impl(System_(T)):
-        """Two-sided stiff support of the keel at a continuous position along it.
+class FulcrumSupport(System):
+    """Two-sided stiff support of the keel at a continuous position along it.
 
-        The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end A). With w the
-        height of P in the keel frame K, fixed in the foot's frame body F, and w' its rate for fixed l, the keel feels
-        -(stiffness w + damping w') along z_K at P and the frame body the opposite at the same point, so force and
-        moment on the two together are zero. P slides onto the next keel body where that body's frame begins, its joint,
-        about which the force then has no moment: everything is continuous as the fulcrum passes a joint.
+    The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end A). With w the
+    height of P in the keel frame K, fixed in the foot's frame body F, and w' its rate for fixed l, the keel feels
+    -(stiffness w + damping w') along z_K at P and the frame body the opposite at the same point, so force and
+    moment on the two together are zero. P slides onto the next keel body where that body's frame begins, its joint,
+    about which the force then has no moment: everything is continuous as the fulcrum passes a joint.
 
-        It is the simple support B of McGeehan 2021 (doi 10.1115/1.4050456, Figure 1) with a finite stiffness. Sliding
-        it under load takes work, which is the carriage's: no force for it acts here.
+    It is the simple support B of McGeehan 2021 (doi 10.1115/1.4050456, Figure 1) with a finite stiffness. Sliding
+    it under load takes work, which is the carriage's: no force for it acts here.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: FulcrumSupport
-            input_ports:
-            - body_poses
-            - body_spatial_velocities
-            - fulcrum_position
-            output_ports:
-            - spatial_forces
-            - support_force
+        name: FulcrumSupport
+        input_ports:
+        - body_poses
+        - body_spatial_velocities
+        - fulcrum_position
+        output_ports:
+        - spatial_forces
+        - support_force
 
-        Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position (1,) m from A, of
-        a source or the carriage's coordinate. Outputs: spatial_forces on the keel body that holds P and on F;
-        support_force (1,) N on the keel along z_K, negative while the ground bends the toe up.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position (1,) m from A, of
+    a source or the carriage's coordinate. Outputs: spatial_forces on the keel body that holds P and on F;
+    support_force (1,) N on the keel along z_K, negative while the ground bends the toe up.
 
-        Args:
-            frame_body_index: body F.
-            X_FK: pose of K in F.
-            keel_body_indices: m bodies from A to the toe, their frames at their joints, x along the keel.
-            keel_body_starts: (m,) arc coordinates of their frames (m), increasing from the first; else ValueError.
-            stiffness, damping: N/m, N s/m.
+    Args:
+        frame_body_index: body F.
+        X_FK: pose of K in F.
+        keel_body_indices: m bodies from A to the toe, their frames at their joints, x along the keel.
+        keel_body_starts: (m,) arc coordinates of their frames (m), increasing from the first; else ValueError.
+        stiffness, damping: N/m, N s/m.
 
-        Parameters in the Context: stiffness, damping.
-        """
+    Parameters in the Context: stiffness, damping.
+    """
 
-        def _construct(
-            self, *, frame_body_index: int, X_FK: RigidTransform, keel_body_indices: Sequence[int],
-            keel_body_starts: np.ndarray, stiffness: float, damping: float
-        ) -> None:
-            starts = np.array(keel_body_starts, dtype=float)
-            if starts.shape != (len(keel_body_indices),) or np.any(np.diff(starts) <= 0):
-                raise ValueError(f"keel_body_starts must be {len(keel_body_indices)} increasing numbers")
-            self._frame, self._keel = int(frame_body_index), [int(index) for index in keel_body_indices]
-            self._starts, self._X_FK = starts, X_FK.GetAsMatrix34()
-            self._declare_kinematics()
-            self._declare_inputs(fulcrum_position=1)
-            self._declare_parameters("fulcrum_", stiffness=(stiffness, ()), damping=(damping, ()))
-            self._support = self._declare_cached("support", self._calc_support)
-            self._declare_spatial_forces(self._spatial_forces)
-            self._declare_parts(self._support, support_force=1)
+    def __init__(
+        self, *, frame_body_index: int, X_FK: RigidTransform, keel_body_indices: Sequence[int],
+        keel_body_starts: np.ndarray, stiffness: float, damping: float
+    ) -> None:
+        starts = np.array(keel_body_starts, dtype=float)
+        if starts.shape != (len(keel_body_indices),) or np.any(np.diff(starts) <= 0):
+            raise ValueError(f"keel_body_starts must be {len(keel_body_indices)} increasing numbers")
+        self._frame, self._keel = int(frame_body_index), [int(index) for index in keel_body_indices]
+        self._starts, self._X_FK = starts, X_FK.GetAsMatrix34()
+        self._declare_kinematics()
+        self._declare_inputs(fulcrum_position=1)
+        self._declare_parameters("fulcrum_", stiffness=(stiffness, ()), damping=(damping, ()))
+        self._support = self._declare_cached("support", self._calc_support)
+        self._declare_spatial_forces(self._spatial_forces)
+        self._declare_parts(self._support, support_force=1)
 
-        def _calc_support(self, context) -> dict[str, Any]:
-            constants = self._constants(context)
-            poses, velocities = self._value(context, "body_poses"), self._value(context, "body_spatial_velocities")
-            position = self._fulcrum_place(context)
-            at = position if T is float else position.value()
-            keel = int(np.searchsorted(self._starts, at, side="right")) - 1
-            keel = min(max(keel, 0), len(self._starts) - 1)
-            body = self._keel[keel]
-            X_WB, X_WF = poses[body].GetAsMatrix34(), poses[self._frame].GetAsMatrix34()
-            V_WB, V_WF = velocities[body].get_coeffs(), velocities[self._frame].get_coeffs()
-            p_BoP_W = X_WB[:, 0] * (position - self._starts[keel])
-            p_FoP_W = X_WB[:, 3] + p_BoP_W - X_WF[:, 3]
-            z_K_W = X_WF[:, :3] @ self._X_FK[:, 2]
-            height = z_K_W @ (p_FoP_W - X_WF[:, :3] @ self._X_FK[:, 3])
-            v_FP_W = V_WB[3:] - V_WF[3:] + cross(V_WB[:3], p_BoP_W) - cross(V_WF[:3], p_FoP_W)
-            force = -(constants["stiffness"] * height + constants["damping"] * (z_K_W @ v_FP_W))
-            f_P_W = force * z_K_W
-            F_B_W = np.concatenate((cross(p_BoP_W, f_P_W), f_P_W))
-            F_F_W = -np.concatenate((cross(p_FoP_W, f_P_W), f_P_W))
-            return {"support_force": [force], "applied": ((body, F_B_W), (self._frame, F_F_W))}
+    def _calc_support(self, context: Context) -> dict[str, Any]:
+        constants = self._constants(context)
+        poses, velocities = self._value(context, "body_poses"), self._value(context, "body_spatial_velocities")
+        position = self._fulcrum_place(context)
+        at = position if self._T is float else position.value()
+        keel = int(np.searchsorted(self._starts, at, side="right")) - 1
+        keel = min(max(keel, 0), len(self._starts) - 1)
+        body = self._keel[keel]
+        X_WB, X_WF = poses[body].GetAsMatrix34(), poses[self._frame].GetAsMatrix34()
+        V_WB, V_WF = velocities[body].get_coeffs(), velocities[self._frame].get_coeffs()
+        p_BoP_W = X_WB[:, 0] * (position - self._starts[keel])
+        p_FoP_W = X_WB[:, 3] + p_BoP_W - X_WF[:, 3]
+        z_K_W = X_WF[:, :3] @ self._X_FK[:, 2]
+        height = z_K_W @ (p_FoP_W - X_WF[:, :3] @ self._X_FK[:, 3])
+        v_FP_W = V_WB[3:] - V_WF[3:] + cross(V_WB[:3], p_BoP_W) - cross(V_WF[:3], p_FoP_W)
+        force = -(constants["stiffness"] * height + constants["damping"] * (z_K_W @ v_FP_W))
+        f_P_W = force * z_K_W
+        F_B_W = np.concatenate((cross(p_BoP_W, f_P_W), f_P_W))
+        F_F_W = -np.concatenate((cross(p_FoP_W, f_P_W), f_P_W))
+        return {"support_force": [force], "applied": ((body, F_B_W), (self._frame, F_F_W))}
 
-        def _spatial_forces(self, context) -> Iterable[tuple[int, np.ndarray]]:
-            return self._support(context)["applied"]
-
-    return Impl
+    def _spatial_forces(self, context: Context) -> Iterable[tuple[int, np.ndarray]]:
+        applied: Iterable[tuple[int, np.ndarray]] = self._support(context)["applied"]
+        return applied
 
 
-FulcrumSupport = FulcrumSupport_[float]
+FulcrumSupport_ = FulcrumSupport.template
 
 
 @system_template(AutoDiffXd, Expression)
-def FulcrumCommand_(T):
-    class Impl(System_(T)):
-        """Sends the carriage to the fulcrum position and the keel's joints to straight.
+class FulcrumCommand(System):
+    """Sends the carriage to the fulcrum position and the keel's joints to straight.
 
-        For a foot in a plant with a time step, whose springs and carriage are PD-controlled actuators of its model
-        instance: q_d = 0 in the keel's joints, the fulcrum position in the carriage, v_d = 0.
+    For a foot in a plant with a time step, whose springs and carriage are PD-controlled actuators of its model
+    instance: q_d = 0 in the keel's joints, the fulcrum position in the carriage, v_d = 0.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: FulcrumCommand
-            input_ports:
-            - fulcrum_position
-            output_ports:
-            - desired_state
-            - position
+        name: FulcrumCommand
+        input_ports:
+        - fulcrum_position
+        output_ports:
+        - desired_state
+        - position
 
-        Inputs: fulcrum_position (1,) m from A; where it is not connected the parameter fulcrum_m holds. Outputs:
-        desired_state (2 num_actuators,), [q_d; v_d], for MultibodyPlant's port of that name of the foot's instance, as
-        `wire_foot` connects it; position (1,) m, that fulcrum position.
+    Inputs: fulcrum_position (1,) m from A; where it is not connected the parameter fulcrum_m holds. Outputs:
+    desired_state (2 num_actuators,), [q_d; v_d], for MultibodyPlant's port of that name of the foot's instance, as
+    `wire_foot` connects it; position (1,) m, that fulcrum position.
 
-        Args:
-            num_actuators: of the foot's instance; carriage: index of the carriage's among them.
+    Args:
+        num_actuators: of the foot's instance; carriage: index of the carriage's among them.
 
-        Parameters in the Context: fulcrum_m, m from A.
+    Parameters in the Context: fulcrum_m, m from A.
 
-        It does not convert to AutoDiffXd, and so does no diagram that holds it, nor has either a `Clone`: a plant that
-        Drake 1.51 converts or clones has actuators without gains, and the keel of that foot no springs.
+    It does not convert to AutoDiffXd, and so does no diagram that holds it, nor has either a `Clone`: a plant that
+    Drake 1.51 converts or clones has actuators without gains, and the keel of that foot no springs.
 
-        Raises:
-            InputError: (when evaluated) the fulcrum's position is not a number, or in mm; (when converted) see above.
-        """
+    Raises:
+        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; (when converted) see above.
+    """
 
-        def _construct(self, *, num_actuators: int, carriage: int, fulcrum_m: float) -> None:
-            self._count, self._carriage = 2 * num_actuators, carriage
-            self._declare_inputs(fulcrum_position=1)
-            self._declare_parameters(fulcrum_m=(fulcrum_m, ()))
-            self._declare_output("desired_state", self._count, self._desired_state)
-            self._declare_output("position", 1, self._position)
+    def __init__(self, *, num_actuators: int, carriage: int, fulcrum_m: float) -> None:
+        self._count, self._carriage = 2 * num_actuators, carriage
+        self._declare_inputs(fulcrum_position=1)
+        self._declare_parameters(fulcrum_m=(fulcrum_m, ()))
+        self._declare_output("desired_state", self._count, self._desired_state)
+        self._declare_output("position", 1, self._position)
 
-        def _construct_copy(self, other, converter=None) -> None:
-            if T is Expression:  # Drake asks for it at every Build, to see which outputs depend on which inputs
-                self._construct(converter=converter, **other._arguments)
-                return
-            raise InputError(
-                "cannot be converted or cloned: of a plant with a time step Drake drops the gains of the actuators, "
-                "which here are the keel's springs", where=other.get_name(),
-                right="Build the diagram again for a second one, and take a continuous plant for derivatives")
+    def _arguments_for(self, T: type) -> dict[str, Any]:
+        if T is Expression:  # Drake asks for it at every Build, to see which outputs depend on which inputs
+            return self._arguments
+        raise InputError(
+            "cannot be converted or cloned: of a plant with a time step Drake drops the gains of the actuators, "
+            "which here are the keel's springs", where=self.get_name(),
+            right="Build the diagram again for a second one, and take a continuous plant for derivatives")
 
-        def _position(self, context) -> np.ndarray:
-            return np.array([self._fulcrum_place(context)])
+    def _position(self, context: Context) -> np.ndarray:
+        return np.array([self._fulcrum_place(context)])
 
-        def _desired_state(self, context) -> np.ndarray:
-            position = self._position(context)
-            desired = np.zeros(self._count, dtype=position.dtype)
-            desired[self._carriage] = position[0]
-            return desired
-
-    return Impl
+    def _desired_state(self, context: Context) -> np.ndarray:
+        position = self._position(context)
+        desired = np.zeros(self._count, dtype=position.dtype)
+        desired[self._carriage] = position[0]
+        return desired
 
 
-FulcrumCommand = FulcrumCommand_[float]
+FulcrumCommand_ = FulcrumCommand.template
 
 
 @system_template()
-def FulcrumActuator_(T):
-    class Impl(System_(T)):
-        """A geared motor turns a lead screw, whose nut carries the fulcrum along a rail.
+class FulcrumActuator(System):
+    """A geared motor turns a lead screw, whose nut carries the fulcrum along a rail.
 
-        The laws are `vsf_drake.laws.lead_screw` (a text-book's power screw and motor line). While `enabled` is 1 the
-        driver applies limit · tanh(error / servo band), zero within the tolerance, with the limit the supply's voltage
-        or what keeps the carriage below its speed limit; while it is 0 the driver shorts the winding, which brakes and
-        takes no energy. The rail's drag is rail_drag + rail_friction |support force|. All friction is regularised over
-        the creep speed. Ends of travel: the desired position is cut to them, and stops push the carriage back.
+    The laws are `vsf_drake.laws.lead_screw` (a text-book's power screw and motor line). While `enabled` is 1 the
+    driver applies limit · tanh(error / servo band), zero within the tolerance, with the limit the supply's voltage
+    or what keeps the carriage below its speed limit; while it is 0 the driver shorts the winding, which brakes and
+    takes no energy. The rail's drag is rail_drag + rail_friction |support force|. All friction is regularised over
+    the creep speed. Ends of travel: the desired position is cut to them, and stops push the carriage back.
 
-        The screw locks itself, so the keel's load cannot move the carriage: the load acts on it only as rail friction,
-        and the position follows from this system's own state. In a plant with a foot the carriage's body follows
-        `fulcrum_position`; its mass is counted here for the screw's equation, there for weight and inertia. What a
-        loaded keel's slope at the fulcrum pushes it along the rail with, support force · sin(slope), is zero unless it
-        comes in as axial_load: little in swing, but under 600 N on the nominal foot's load point and with the fulcrum
-        at 66 mm -350 N. Moving the fulcrum under load without it changes the keel's energy for nothing.
+    The screw locks itself, so the keel's load cannot move the carriage: the load acts on it only as rail friction,
+    and the position follows from this system's own state. In a plant with a foot the carriage's body follows
+    `fulcrum_position`; its mass is counted here for the screw's equation, there for weight and inertia. What a
+    loaded keel's slope at the fulcrum pushes it along the rail with, support force · sin(slope), is zero unless it
+    comes in as axial_load: little in swing, but under 600 N on the nominal foot's load point and with the fulcrum
+    at 66 mm -350 N. Moving the fulcrum under load without it changes the keel's energy for nothing.
 
-        Energies, all growing from the Context's values (0): energy, taken from the supply, the integral of max(V i, 0),
-        as nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding, motor, gear and
-        thread and what the driver burns of V i < 0. At any time energy = kinetic energy of rotor and screw + work +
-        losses.
+    Energies, all growing from the Context's values (0): energy, taken from the supply, the integral of max(V i, 0),
+    as nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding, motor, gear and
+    thread and what the driver burns of V i < 0. At any time energy = kinetic energy of rotor and screw + work +
+    losses.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: FulcrumActuator
-            input_ports:
-            - desired_position
-            - enabled
-            - support_force
-            - axial_load
-            output_ports:
-            - fulcrum_position
-            - carriage_velocity
-            - motor_current
-            - energy
-            - work
-            - losses
-            - position_error
+        name: FulcrumActuator
+        input_ports:
+        - desired_position
+        - enabled
+        - support_force
+        - axial_load
+        output_ports:
+        - fulcrum_position
+        - carriage_velocity
+        - motor_current
+        - energy
+        - work
+        - losses
+        - position_error
 
-        Inputs: desired_position (1,) m from A; enabled (1,) 0 or 1; support_force (1,) N between keel and fulcrum, of
-        either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero.
-        Outputs: fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,), work
-        (1,) and losses (1,) J; position_error (1,) m, desired (within the travel) less actual. Position, velocity and
-        energies are states, without feedthrough.
+    Inputs: desired_position (1,) m from A; enabled (1,) 0 or 1; support_force (1,) N between keel and fulcrum, of
+    either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero.
+    Outputs: fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,), work
+    (1,) and losses (1,) J; position_error (1,) m, desired (within the travel) less actual. Position, velocity and
+    energies are states, without feedthrough.
 
-        Wiring: enabled and desired_position from `SwingController`; fulcrum_position to the foot, whose support_force
-        comes back. `plants.add_fulcrum_drive` does it.
+    Wiring: enabled and desired_position from `SwingController`; fulcrum_position to the foot, whose support_force
+    comes back. `plants.add_fulcrum_drive` does it.
 
-        Args:
-            parameters: motor, gear, screw and rail.
-            carriage_mass: kg. rearmost, foremost: ends of travel (m from A).
-            initial_position: where a new Context has the carriage (m from A).
+    Args:
+        parameters: motor, gear, screw and rail.
+        carriage_mass: kg. rearmost, foremost: ends of travel (m from A).
+        initial_position: where a new Context has the carriage (m from A).
 
-        Parameters in the Context: screw_lead_m, screw_mean_diameter_m, thread_flank_angle_rad, thread_friction,
-        screw_inertia_kg_m2, rail_friction, rail_drag_n, gear_ratio, torque_constant_n_m_per_a, winding_resistance_ohm,
-        rotor_inertia_kg_m2, motor_friction_n_m, supply_voltage_v, speed_limit_m_per_s, servo_band_m, tolerance_m,
-        creep_speed_m_per_s, stop_stiffness_n_per_m, stop_dissipation_s_per_m, carriage_mass, rearmost, foremost.
+    Parameters in the Context: screw_lead_m, screw_mean_diameter_m, thread_flank_angle_rad, thread_friction,
+    screw_inertia_kg_m2, rail_friction, rail_drag_n, gear_ratio, torque_constant_n_m_per_a, winding_resistance_ohm,
+    rotor_inertia_kg_m2, motor_friction_n_m, supply_voltage_v, speed_limit_m_per_s, servo_band_m, tolerance_m,
+    creep_speed_m_per_s, stop_stiffness_n_per_m, stop_dissipation_s_per_m, carriage_mass, rearmost, foremost.
 
-        Raises:
-            InputError: a number is out of range, the screw gives way under load, cannot be turned or has too little
-                inertia for its friction, or the carriage would start outside its travel.
-        """
+    Raises:
+        InputError: a number is out of range, the screw gives way under load, cannot be turned or has too little
+            inertia for its friction, or the carriage would start outside its travel.
+    """
 
-        def _construct(
-            self, *, parameters: ActuatorParameters | None = None, carriage_mass: float = 0.1, rearmost: float = 0.066,
-            foremost: float = 0.151, initial_position: float = 0.108
-        ) -> None:
-            parameters = check(ActuatorParameters() if parameters is None else parameters)
-            travel = {"carriage_mass": carriage_mass, "rearmost": rearmost, "foremost": foremost}
-            _check_screw(parameters, carriage_mass)
-            _check_travel(rearmost, foremost, initial_position)
-            self._declare_inputs(desired_position=1, enabled=1, support_force=1, axial_load=1)
-            desired = self.GetInputPort("desired_position")
-            constants = dataclasses.asdict(parameters) | travel
-            self._declare_parameters(**{name: (value, ()) for name, value in constants.items()})
-            state = BasicVector_[T](np.array([initial_position, 0.0, 0.0, 0.0, 0.0]))
-            self.DeclareContinuousState(model_vector=state, num_q=1, num_v=1, num_z=3)
-            q, v, z, given = self.q_ticket(), self.v_ticket(), self.z_ticket(), self.all_parameters_ticket()
-            sources = (q, v, self.all_input_ports_ticket(), given)
-            self._drive = self._declare_cached("drive", self._calc_drive, *sources)
-            self._declare_state(q, "fulcrum_position")
-            self._declare_state(v, "carriage_velocity")
-            self._declare_output("motor_current", 1, self._current, *sources)
-            for name in STATE[2:]:
-                self._declare_state(z, name)
-            self._declare_output("position_error", 1, self._position_error, q, desired.ticket(), given)
+    def __init__(
+        self, *, parameters: ActuatorParameters | None = None, carriage_mass: float = 0.1, rearmost: float = 0.066,
+        foremost: float = 0.151, initial_position: float = 0.108
+    ) -> None:
+        parameters = check(ActuatorParameters() if parameters is None else parameters)
+        travel = {"carriage_mass": carriage_mass, "rearmost": rearmost, "foremost": foremost}
+        _check_screw(parameters, carriage_mass)
+        _check_travel(rearmost, foremost, initial_position)
+        self._declare_inputs(desired_position=1, enabled=1, support_force=1, axial_load=1)
+        desired = self.GetInputPort("desired_position")
+        constants = dataclasses.asdict(parameters) | travel
+        self._declare_parameters(**{name: (value, ()) for name, value in constants.items()})
+        state = BasicVector_[self._T](np.array([initial_position, 0.0, 0.0, 0.0, 0.0]))
+        self.DeclareContinuousState(model_vector=state, num_q=1, num_v=1, num_z=3)
+        q, v, z, given = self.q_ticket(), self.v_ticket(), self.z_ticket(), self.all_parameters_ticket()
+        sources = (q, v, self.all_input_ports_ticket(), given)
+        self._drive = self._declare_cached("drive", self._calc_drive, *sources)
+        self._declare_state(q, "fulcrum_position")
+        self._declare_state(v, "carriage_velocity")
+        self._declare_output("motor_current", 1, self._current, *sources)
+        for name in STATE[2:]:
+            self._declare_state(z, name)
+        self._declare_output("position_error", 1, self._position_error, q, desired.ticket(), given)
 
-        def SetPosition(self, context, position: float) -> None:
-            """Puts the resting carriage at `position` (m from A) in this system's `context`, energies as they are."""
-            constants = self._constants(context)
-            _check_travel(constants["rearmost"], constants["foremost"], position)
-            state = _state(context).copy()
-            state[:2] = position, 0.0
-            context.SetContinuousState(state)
+    def SetPosition(self, context: Context, position: float) -> None:
+        """Puts the resting carriage at `position` (m from A) in this system's `context`, energies as they are."""
+        constants = self._constants(context)
+        _check_travel(constants["rearmost"], constants["foremost"], position)
+        state = _state(context).copy()
+        state[:2] = position, 0.0
+        context.SetContinuousState(state)
 
-        def _declare_state(self, ticket: DependencyTicket, name: str) -> None:
-            i = STATE.index(name)
-            self._declare_output(name, 1, lambda context: _state(context)[i:i + 1], ticket)
+    def _declare_state(self, ticket: DependencyTicket, name: str) -> None:
+        i = STATE.index(name)
+        self._declare_part(name, 1, _state, slice(i, i + 1), ticket)
 
-        def _current(self, context) -> np.ndarray:
-            return np.array([self._drive(context)[0]])
+    def _current(self, context: Context) -> np.ndarray:
+        return np.array([self._drive(context)[0]])
 
-        def _position_error(self, context) -> np.ndarray:
-            constants, desired = self._constants(context), self._value(context, "desired_position")[0]
-            low, high = constants["rearmost"], constants["foremost"]
-            within = low + 0.0 * desired if desired < low else high + 0.0 * desired if desired > high else desired
-            return np.array([within - _state(context)[0]])
+    def _position_error(self, context: Context) -> np.ndarray:
+        constants, desired = self._constants(context), self._value(context, "desired_position")[0]
+        low, high = constants["rearmost"], constants["foremost"]
+        within = low + 0.0 * desired if desired < low else high + 0.0 * desired if desired > high else desired
+        return np.array([within - _state(context)[0]])
 
-        def _calc_drive(self, context) -> tuple[Any, np.ndarray]:
-            """Current (A), and the rates of the state: m/s, m/s^2, W taken, W of the screw on the carriage, W lost."""
-            c = self._constants(context)
-            x, v = _state(context)[:2]
-            turns = 2.0 * math.pi / c["screw_lead_m"]  # screw angle per metre
-            speed = c["gear_ratio"] * turns * v
-            tangent, friction = law.thread(*(c[name] for name in THREAD))
-            sense = law.direction(v, c["creep_speed_m_per_s"])
-            limit = law.limited_voltage(
-                c["supply_voltage_v"], c["speed_limit_m_per_s"], lead=c["screw_lead_m"], gear_ratio=c["gear_ratio"],
-                torque_constant=c["torque_constant_n_m_per_a"])
-            voltage = self._value(context, "enabled")[0] * law.servo_voltage(
-                self._position_error(context)[0], limit=limit, band=c["servo_band_m"], tolerance=c["tolerance_m"])
-            current = law.motor_current(voltage, speed, torque_constant=c["torque_constant_n_m_per_a"],
-                                        resistance=c["winding_resistance_ohm"])
-            torque = c["torque_constant_n_m_per_a"] * current - c["motor_friction_n_m"] * sense
-            stop = law.stop_force(x, v, low=c["rearmost"], high=c["foremost"], stiffness=c["stop_stiffness_n_per_m"],
-                                  dissipation=c["stop_dissipation_s_per_m"])
-            drag = c["rail_drag_n"] + c["rail_friction"] * abs(self._value(context, "support_force")[0])
-            axial = self._value(context, "axial_load")[0] if self._ports["axial_load"].HasValue(context) else 0.0
-            inertia = c["rotor_inertia_kg_m2"] * c["gear_ratio"] * c["gear_ratio"] + c["screw_inertia_kg_m2"]
-            motion = law.carriage_motion(
-                torque * c["gear_ratio"] * turns, drag * sense - stop - axial, sense,
-                rotor_mass=inertia * turns * turns, carriage_mass=c["carriage_mass"], tangent=tangent,
-                friction=friction)
-            power = voltage * current
-            taken = power if power > 0.0 else 0.0 * power
-            losses = (current * current * c["winding_resistance_ohm"] + c["motor_friction_n_m"] * sense * speed
-                      + motion.thread_loss * v + taken - power)
-            return current, np.array([v, motion.acceleration, taken, motion.nut_force * v, losses])
+    def _calc_drive(self, context: Context) -> tuple[Any, np.ndarray]:
+        """Current (A), and the rates of the state: m/s, m/s^2, W taken, W of the screw on the carriage, W lost."""
+        c = self._constants(context)
+        x, v = _state(context)[:2]
+        turns = 2.0 * math.pi / c["screw_lead_m"]  # screw angle per metre
+        speed = c["gear_ratio"] * turns * v
+        tangent, friction = law.thread(*(c[name] for name in THREAD))
+        sense = law.direction(v, c["creep_speed_m_per_s"])
+        limit = law.limited_voltage(
+            c["supply_voltage_v"], c["speed_limit_m_per_s"], lead=c["screw_lead_m"], gear_ratio=c["gear_ratio"],
+            torque_constant=c["torque_constant_n_m_per_a"])
+        voltage = self._value(context, "enabled")[0] * law.servo_voltage(
+            self._position_error(context)[0], limit=limit, band=c["servo_band_m"], tolerance=c["tolerance_m"])
+        current = law.motor_current(voltage, speed, torque_constant=c["torque_constant_n_m_per_a"],
+                                    resistance=c["winding_resistance_ohm"])
+        torque = c["torque_constant_n_m_per_a"] * current - c["motor_friction_n_m"] * sense
+        stop = law.stop_force(x, v, low=c["rearmost"], high=c["foremost"], stiffness=c["stop_stiffness_n_per_m"],
+                              dissipation=c["stop_dissipation_s_per_m"])
+        drag = c["rail_drag_n"] + c["rail_friction"] * abs(self._value(context, "support_force")[0])
+        axial = self._value(context, "axial_load")[0] if self._ports["axial_load"].HasValue(context) else 0.0
+        inertia = c["rotor_inertia_kg_m2"] * c["gear_ratio"] * c["gear_ratio"] + c["screw_inertia_kg_m2"]
+        motion = law.carriage_motion(
+            torque * c["gear_ratio"] * turns, drag * sense - stop - axial, sense,
+            rotor_mass=inertia * turns * turns, carriage_mass=c["carriage_mass"], tangent=tangent,
+            friction=friction)
+        power = voltage * current
+        taken = power if power > 0.0 else 0.0 * power
+        losses = (current * current * c["winding_resistance_ohm"] + c["motor_friction_n_m"] * sense * speed
+                  + motion.thread_loss * v + taken - power)
+        return current, np.array([v, motion.acceleration, taken, motion.nut_force * v, losses])
 
-        def DoCalcTimeDerivatives(self, context, derivatives) -> None:
-            derivatives.SetFromVector(self._drive(context)[1])
-
-    return Impl
+    def DoCalcTimeDerivatives(self, context: Context, derivatives: ContinuousState) -> None:
+        derivatives.SetFromVector(self._drive(context)[1])
 
 
-def _state(context) -> np.ndarray:
+def _state(context: Context) -> np.ndarray:
     return context.get_continuous_state_vector().CopyToVector()
 
 
@@ -346,4 +337,4 @@ def _check_travel(rearmost: Any, foremost: Any, position: Any) -> None:
             f"It must be between {low:g} and {high:g} m from A")
 
 
-FulcrumActuator = FulcrumActuator_[float]
+FulcrumActuator_ = FulcrumActuator.template

@@ -3,193 +3,185 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
-from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.symbolic import Expression
+from pydrake.systems.framework import Context
 
 from vsf_drake.laws.bushing import axis_force
-from vsf_drake.systems._system import System_, system_template
+from vsf_drake.systems._system import System, system_template
 
 
-@cache
-def _JointForces_(T: type) -> Any:
-    class JointForces(System_(T)):
-        """What `_force(context)` of a subclass says as the generalized force of a plant, all of whose joints have one
-        degree of freedom."""
+class _JointForces(System):
+    """What `_force` of a subclass says as the generalized force of a plant, all of whose joints have one degree of
+    freedom."""
 
-        def _declare_joints(self, num_velocities: int, velocity_indices: Sequence[int]) -> int:
-            """Input state and output generalized_force; returns how many joints have a force."""
-            self._count, self._at = num_velocities, np.array(velocity_indices, dtype=int)
-            self._declare_inputs(state=2 * num_velocities)
-            self._declare_output("generalized_force", num_velocities, self._generalized_force)
-            return len(self._at)
+    def _declare_joints(self, num_velocities: int, velocity_indices: Sequence[int]) -> int:
+        """Input state and output generalized_force; returns how many joints have a force."""
+        self._count, self._at = num_velocities, np.array(velocity_indices, dtype=int)
+        self._declare_inputs(state=2 * num_velocities)
+        self._declare_output("generalized_force", num_velocities, self._generalized_force)
+        return len(self._at)
 
-        def _motion(self, context) -> tuple[np.ndarray, np.ndarray]:
-            """q and v of the joints."""
-            state = self._value(context, "state")
-            return state[self._at], state[self._count + self._at]
+    def _force(self, context: Context) -> np.ndarray:
+        raise NotImplementedError
 
-        def _generalized_force(self, context) -> np.ndarray:
-            values = self._force(context)
-            force = np.zeros(self._count, dtype=values.dtype)
-            force[self._at] = values
-            return force
+    def _motion(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
+        """q and v of the joints."""
+        state = self._value(context, "state")
+        return state[self._at], state[self._count + self._at]
 
-    return JointForces
+    def _generalized_force(self, context: Context) -> np.ndarray:
+        values = self._force(context)
+        force = np.zeros(self._count, dtype=values.dtype)
+        force[self._at] = values
+        return force
 
 
 @system_template(AutoDiffXd, Expression)
-def KeelElasticity_(T):
-    class Impl(_JointForces_(T)):
-        """Moment -(stiffness q + damping v) in each of m joints of the keel.
+class KeelElasticity(_JointForces):
+    """Moment -(stiffness q + damping v) in each of m joints of the keel.
 
-        A lumped-parameter beam: a joint in the middle of each element with stiffness E I / L_element and damping
-        proportional to it (MathWorks, Flexible Beam, lumped-parameter method; McGeehan 2021, doi 10.1115/1.4050456).
-        The springs are here rather than in the plant's joints so that they can be changed in the Context and
-        differentiated.
+    A lumped-parameter beam: a joint in the middle of each element with stiffness E I / L_element and damping
+    proportional to it (MathWorks, Flexible Beam, lumped-parameter method; McGeehan 2021, doi 10.1115/1.4050456).
+    The springs are here rather than in the plant's joints so that they can be changed in the Context and
+    differentiated.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: KeelElasticity
-            input_ports:
-            - state
-            output_ports:
-            - generalized_force
-            - joint_moment
+        name: KeelElasticity
+        input_ports:
+        - state
+        output_ports:
+        - generalized_force
+        - joint_moment
 
-        Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
-        Outputs: generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
+    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
+    Outputs: generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
 
-        Args:
-            velocity_indices: m indices into the plant's v (and q), one per joint.
-            stiffness: (m,) N m/rad; zero for a free pin.
-            damping: (m,) N m s/rad.
+    Args:
+        velocity_indices: m indices into the plant's v (and q), one per joint.
+        stiffness: (m,) N m/rad; zero for a free pin.
+        damping: (m,) N m s/rad.
 
-        Parameters in the Context: stiffness, damping.
-        """
+    Parameters in the Context: stiffness, damping.
+    """
 
-        def _construct(
-            self, *, num_velocities: int, velocity_indices: Sequence[int], stiffness: np.ndarray, damping: np.ndarray
-        ) -> None:
-            m = self._declare_joints(num_velocities, velocity_indices)
-            self._declare_parameters("joint_", stiffness=(stiffness, (m,)), damping=(damping, (m,)))
-            self._declare_output("joint_moment", m, self._force)
+    def __init__(
+        self, *, num_velocities: int, velocity_indices: Sequence[int], stiffness: np.ndarray, damping: np.ndarray
+    ) -> None:
+        m = self._declare_joints(num_velocities, velocity_indices)
+        self._declare_parameters("joint_", stiffness=(stiffness, (m,)), damping=(damping, (m,)))
+        self._declare_output("joint_moment", m, self._force)
 
-        def _force(self, context) -> np.ndarray:
-            constants, (q, v) = self._constants(context), self._motion(context)
-            return -(constants["stiffness"] * q + constants["damping"] * v)
-
-    return Impl
+    def _force(self, context: Context) -> np.ndarray:
+        constants, (q, v) = self._constants(context), self._motion(context)
+        moment: np.ndarray = -(constants["stiffness"] * q + constants["damping"] * v)
+        return moment
 
 
-KeelElasticity = KeelElasticity_[float]
+KeelElasticity_ = KeelElasticity.template
 
 
 @system_template()
-def SocketBushing_(T):
-    class Impl(_JointForces_(T)):
-        """Six springs and dampers with limits on the six coordinates between residual limb and socket.
+class SocketBushing(_JointForces):
+    """Six springs and dampers with limits on the six coordinates between residual limb and socket.
 
-        The law of each axis is `vsf_drake.laws.bushing.axis_force`. The socket hangs on the limb by six joints of one
-        degree of freedom, so that the law's force on a coordinate is that coordinate's generalized force, and limb and
-        socket feel equal and opposite actions.
+    The law of each axis is `vsf_drake.laws.bushing.axis_force`. The socket hangs on the limb by six joints of one
+    degree of freedom, so that the law's force on a coordinate is that coordinate's generalized force, and limb and
+    socket feel equal and opposite actions.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: SocketBushing
-            input_ports:
-            - state
-            output_ports:
-            - generalized_force
-            - wrench
+        name: SocketBushing
+        input_ports:
+        - state
+        output_ports:
+        - generalized_force
+        - wrench
 
-        Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
-        Outputs: generalized_force (num_velocities,), zero outside the six; wrench (6,), on the socket along tx, ty, tz
-        (N) and about flexion, adduction, rotation (N m).
+    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
+    Outputs: generalized_force (num_velocities,), zero outside the six; wrench (6,), on the socket along tx, ty, tz
+    (N) and about flexion, adduction, rotation (N m).
 
-        Args:
-            velocity_indices: 6 indices into the plant's v (and q): tx, ty, tz, flexion, adduction, rotation.
-            stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio: constants of the law, SI; (6,) but
-                for the last.
+    Args:
+        velocity_indices: 6 indices into the plant's v (and q): tx, ty, tz, flexion, adduction, rotation.
+        stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio: constants of the law, SI; (6,) but
+            for the last.
 
-        Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio.
-        """
+    Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio.
+    """
 
-        def _construct(
-            self, *, num_velocities: int, velocity_indices: Sequence[int], stiffness: np.ndarray,
-            stiffness_negative: np.ndarray, damping: np.ndarray, limit: np.ndarray, rate_limit: np.ndarray,
-            stop_ratio: float
-        ) -> None:
-            if len(velocity_indices) != 6:
-                raise ValueError(f"velocity_indices must be 6, but are {len(velocity_indices)}")
-            self._declare_joints(num_velocities, velocity_indices)
-            self._declare_parameters(
-                "socket_", stiffness=(stiffness, (6,)), stiffness_negative=(stiffness_negative, (6,)),
-                damping=(damping, (6,)), limit=(limit, (6,)), rate_limit=(rate_limit, (6,)),
-                stop_ratio=(stop_ratio, ()))
-            self._declare_output("wrench", 6, self._force)
+    def __init__(
+        self, *, num_velocities: int, velocity_indices: Sequence[int], stiffness: np.ndarray,
+        stiffness_negative: np.ndarray, damping: np.ndarray, limit: np.ndarray, rate_limit: np.ndarray,
+        stop_ratio: float
+    ) -> None:
+        if len(velocity_indices) != 6:
+            raise ValueError(f"velocity_indices must be 6, but are {len(velocity_indices)}")
+        self._declare_joints(num_velocities, velocity_indices)
+        self._declare_parameters(
+            "socket_", stiffness=(stiffness, (6,)), stiffness_negative=(stiffness_negative, (6,)),
+            damping=(damping, (6,)), limit=(limit, (6,)), rate_limit=(rate_limit, (6,)),
+            stop_ratio=(stop_ratio, ()))
+        self._declare_output("wrench", 6, self._force)
 
-        def _force(self, context) -> np.ndarray:
-            return axis_force(*self._motion(context), **self._constants(context))
-
-    return Impl
+    def _force(self, context: Context) -> np.ndarray:
+        return axis_force(*self._motion(context), **self._constants(context))
 
 
-SocketBushing = SocketBushing_[float]
+SocketBushing_ = SocketBushing.template
 
 
 @system_template(AutoDiffXd, Expression)
-def GaitDriver_(T):
-    class Impl(_JointForces_(T)):
-        """Proportional-derivative servo on p joints: position_gain (q_d - q) + velocity_gain (v_d - v).
+class GaitDriver(_JointForces):
+    """Proportional-derivative servo on p joints: position_gain (q_d - q) + velocity_gain (v_d - v).
 
-        It drives chosen joints along a recorded motion under Drake's Simulator.
+    It drives chosen joints along a recorded motion under Drake's Simulator.
 
-        .. pydrake_system::
+    .. pydrake_system::
 
-            name: GaitDriver
-            input_ports:
-            - state
-            - desired_state
-            output_ports:
-            - generalized_force
-            - tracking_error
+        name: GaitDriver
+        input_ports:
+        - state
+        - desired_state
+        output_ports:
+        - generalized_force
+        - tracking_error
 
-        Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom; desired_state (2
-        p,), [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside the p; tracking_error (p,), q_d - q,
-        rad or m.
+    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom; desired_state (2
+    p,), [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside the p; tracking_error (p,), q_d - q,
+    rad or m.
 
-        Args:
-            velocity_indices: p indices into the plant's v (and q).
-            position_gain, velocity_gain: (p,) N/m or N m/rad, and N s/m or N m s/rad.
+    Args:
+        velocity_indices: p indices into the plant's v (and q).
+        position_gain, velocity_gain: (p,) N/m or N m/rad, and N s/m or N m s/rad.
 
-        Parameters in the Context: position_gain, velocity_gain.
-        """
+    Parameters in the Context: position_gain, velocity_gain.
+    """
 
-        def _construct(
-            self, *, num_velocities: int, velocity_indices: Sequence[int], position_gain: np.ndarray,
-            velocity_gain: np.ndarray
-        ) -> None:
-            p = self._declare_joints(num_velocities, velocity_indices)
-            self._declare_inputs(desired_state=2 * p)
-            self._declare_parameters(position_gain=(position_gain, (p,)), velocity_gain=(velocity_gain, (p,)))
-            self._declare_output("tracking_error", p, self._tracking_error)
+    def __init__(
+        self, *, num_velocities: int, velocity_indices: Sequence[int], position_gain: np.ndarray,
+        velocity_gain: np.ndarray
+    ) -> None:
+        p = self._declare_joints(num_velocities, velocity_indices)
+        self._declare_inputs(desired_state=2 * p)
+        self._declare_parameters(position_gain=(position_gain, (p,)), velocity_gain=(velocity_gain, (p,)))
+        self._declare_output("tracking_error", p, self._tracking_error)
 
-        def _errors(self, context) -> np.ndarray:
-            """(2, p): q_d - q and v_d - v."""
-            return self._value(context, "desired_state").reshape(2, -1) - np.array(self._motion(context))
+    def _errors(self, context: Context) -> tuple[np.ndarray, np.ndarray]:
+        """q_d - q and v_d - v, each (p,)."""
+        (q, v), (q_d, v_d) = self._motion(context), self._value(context, "desired_state").reshape(2, -1)
+        return q_d - q, v_d - v
 
-        def _tracking_error(self, context) -> np.ndarray:
-            return self._errors(context)[0]
+    def _tracking_error(self, context: Context) -> np.ndarray:
+        return self._errors(context)[0]
 
-        def _force(self, context) -> np.ndarray:
-            constants, (error, rate_error) = self._constants(context), self._errors(context)
-            return constants["position_gain"] * error + constants["velocity_gain"] * rate_error
+    def _force(self, context: Context) -> np.ndarray:
+        constants, (error, rate_error) = self._constants(context), self._errors(context)
+        force: np.ndarray = constants["position_gain"] * error + constants["velocity_gain"] * rate_error
+        return force
 
-    return Impl
 
-
-GaitDriver = GaitDriver_[float]
+GaitDriver_ = GaitDriver.template
