@@ -41,7 +41,7 @@ def show_what_is_wrapped(modules: list[ModuleType]) -> None:
                          if parameter.name not in ("self", "converter")]
             cls.__signature__ = inspect.Signature(arguments)
         for name, value in list(vars(module).items()):
-            if hasattr(value, "py_func") and hasattr(value, "signatures"):
+            if not isinstance(value, type) and hasattr(value, "py_func") and hasattr(value, "signatures"):
                 setattr(module, name, value.py_func)
 
 
