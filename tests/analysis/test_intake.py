@@ -37,14 +37,14 @@ def test_force_file_beside_a_trc_is_found_by_its_name(tmp_path):
         standing, walk, _, forces = touch(folder, "static.trc", "walk.trc", "walk_ik.mot", beside)
         files = gather(standing, [walk])
         assert files.forces == (forces,)
-        assert files.found == (forces,)
+        assert files.beside == (forces,)
 
 
 def test_stated_forces_win_and_a_c3d_has_its_own(tmp_path):
     standing, walk, beside, stated = touch(tmp_path, "static.c3d", "walk.trc", "walk.mot", "plates.mot")
     files = gather(standing, [walk], [stated])
     assert files.forces == (stated,)
-    assert files.found == ()
+    assert files.beside == ()
     [c3d] = touch(tmp_path, "walk.c3d")
     assert gather(standing, [c3d]).forces == (None,)
     assert beside.is_file()

@@ -1,13 +1,18 @@
-"""The trial manifest: every key, and every way to get one wrong."""
+"""The trial manifest and the person's file: every key, and every way to get one wrong."""
+
+from __future__ import annotations
 
 import math
 from pathlib import Path
 
 import pytest
+import yaml
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Laboratory, Window, load_manifest, to_si
+from vsf_drake.motion.trial_record import load_subject
+from vsf_drake.parameters import Subject
 
 EVERYTHING = """
 subject: subject.yaml
@@ -51,12 +56,6 @@ def test_one_of_everything(load):
     assert manifest.window == Window(start_s=0.4, end_s=1.7)
     assert manifest.synthetic is True and manifest.kinematics_unit == "degrees" and manifest.name == "subject 3"
     assert to_si(manifest.offsets) == GeometricOffsets(height_m=0.002, fore_aft_m=-0.005, alignment_rad=math.pi / 20)
-
-
-def test_least_manifest_has_defaults(load):
-    manifest = load(LEAST)
-    assert manifest.forces == "f.mot" and manifest.window is None and not manifest.synthetic
-    assert to_si(manifest.offsets) == GeometricOffsets()
 
 
 @pytest.mark.parametrize(
@@ -103,13 +102,6 @@ def test_one_of_everything_with_markers(load):
     assert (manifest.hip_centre, manifest.marker_cutoff_hz, manifest.already_filtered) == ("hara", 8.0, True)
 
 
-def test_least_manifest_with_markers_has_defaults(load):
-    """A C3D has the plates; the map is found; the walk calibrates."""
-    manifest = load("subject: s.yaml\nmarkers: k.c3d\nprosthesis: {fulcrum_mm: 66}\n")
-    assert manifest.forces is None and manifest.standing is None and manifest.marker_map is None
-    assert (manifest.hip_centre, manifest.marker_cutoff_hz, manifest.already_filtered) == ("harrington", 6.0, False)
-
-
 @pytest.mark.parametrize(("kind", "file"), [
     ("subject", "data/reference_subject/subject.yaml"), ("model", "models/nominal.yaml"),
     ("fitted contact", "data/reference_subject/exact/contact.yaml"), ("bench", "data/reference_subject/bench.yaml")])
@@ -118,12 +110,28 @@ def test_file_of_another_kind_is_called_what_it_is(kind, file):
         load_manifest(resource(file))
 
 
-def test_folder_is_called_a_folder(tmp_path):
-    with pytest.raises(InputError, match=r": is a folder\. Name the manifest") as caught:
-        load_manifest(tmp_path)
-    assert "Errno" not in str(caught.value)
+SUBJECT = {"mass_kg": 61.5, "stature_m": 1.6, "sex": "female", "prosthetic_side": "left", "prosthesis_length_m": 0.44,
+           "prosthetic_thigh_length_m": 0.37, "prosthesis_toe_out_rad": 0.1}
 
 
-def test_missing_manifest_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"absent\.yaml: there is no such file"):
-        load_manifest(tmp_path / "absent.yaml")
+def write(path, values):
+    path.write_text(values if isinstance(values, str) else yaml.safe_dump(values), encoding="utf-8")
+    return path
+
+
+def test_subject_comes_from_its_own_file_or_from_a_manifest(tmp_path):
+    own = write(tmp_path / "person.yaml", SUBJECT)
+    manifest = write(tmp_path / "trial.yaml", {
+        "subject": "person.yaml", "kinematics": "a.mot", "forces": "b.mot", "prosthesis": {"fulcrum_mm": 66}})
+    assert load_subject(own) == load_subject(manifest) == Subject(**SUBJECT)
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("subject: nobody.yaml\nkinematics: a.mot\nforces: b.mot\nprosthesis: {fulcrum_mm: 66}", "no file nobody.yaml"),
+    ("subject: x.yaml\nfoo: 1", "unknown key"), ("mass_kg: 3", "outside its physical range"), ("", "is empty"),
+    ("[", "not valid YAML"), ("\x00", "YAML")])
+def test_what_is_neither_is_refused_by_name(tmp_path, text, said):
+    path = write(tmp_path / "file.yaml", text)
+    with pytest.raises(InputError, match=said) as caught:
+        load_subject(path)
+    assert "file.yaml" in str(caught.value)

@@ -1,11 +1,13 @@
-"""Splines through recordings: right derivatives, quiet ends, nothing outside the recording."""
+"""Splines through recordings, corrections over a window, and the zero-phase filter do what their names say."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, window_bsplines
 
 OMEGA = 2 * np.pi * 3.0
 
@@ -18,12 +20,6 @@ def sine(time):
 def recording():
     time = np.linspace(0.0, 1.2, 121)
     return CoordinateTrajectory(time, sine(time), ("a", "b"))
-
-
-def test_samples_are_interpolated(recording):
-    q, v, a = recording.sample(recording.time_s)
-    np.testing.assert_allclose(q, recording.values, atol=1e-12)
-    assert q.shape == v.shape == a.shape == (121, 2)
 
 
 def test_derivatives_of_a_sine(recording):
@@ -87,6 +83,95 @@ def test_what_cannot_be_a_trajectory_is_refused(time, values, names):
         CoordinateTrajectory(time, values, tuple(names))
 
 
-def test_recording_cannot_be_changed_behind_its_splines(recording):
-    with pytest.raises(ValueError, match="read-only"):
-        recording.values[0, 0] = 1.0
+BEGIN_S, END_S = 0.4, 1.9
+
+
+@pytest.mark.parametrize("count", [4, 5, 9])
+def test_splines_share_one_and_are_independent(count):
+    basis = window_bsplines(BEGIN_S, END_S, count)(np.linspace(BEGIN_S, END_S, 501))
+    assert basis.shape == (501, count) and basis.min() >= 0.0
+    np.testing.assert_allclose(basis.sum(axis=1), 1.0, atol=1e-13)
+    assert np.linalg.matrix_rank(basis) == count
+
+
+def test_outside_the_window_the_ends_go_on():
+    basis = window_bsplines(BEGIN_S, END_S, 6)(np.array([-10.0, BEGIN_S, END_S, 99.0]))
+    np.testing.assert_allclose(basis, np.eye(6)[[0, 0, 5, 5]], atol=1e-14)
+
+
+@pytest.mark.parametrize("count", [4, 9])
+def test_they_are_twice_continuously_differentiable_also_at_the_ends_of_the_window(count):
+    """Steps of the second derivative shrink with the sampling; a corner or a jump would leave one that does not."""
+    largest = []
+    for n in (2001, 8001):
+        times = np.linspace(BEGIN_S - 0.3, END_S + 0.3, n)
+        second = np.diff(window_bsplines(BEGIN_S, END_S, count)(times), 2, axis=0) / (times[1] - times[0]) ** 2
+        largest.append(np.abs(np.diff(second, axis=0)).max())
+    assert largest[1] < 0.3 * largest[0]
+
+
+def test_a_drift_of_the_foot_is_followed():
+    times = np.linspace(BEGIN_S, END_S, 301)
+    drift = 5e-3 * (1.0 - np.cos(np.pi * (times - BEGIN_S) / (END_S - BEGIN_S)))
+    basis = window_bsplines(BEGIN_S, END_S, 8)(times)
+    fit = basis @ np.linalg.lstsq(basis, drift, rcond=None)[0]
+    assert np.abs(fit - drift).max() < 0.02 * drift.max()
+
+
+RATE = 1000.0
+TIME = np.arange(0.0, 4.0, 1.0 / RATE)
+MIDDLE = (TIME > 1.0) & (TIME < 3.0)
+
+
+def gain_and_lag(frequency, cutoff, rate=RATE, order=4):
+    """Amplitude and phase (rad) of the filtered sine by projection, over whole periods in the middle."""
+    time = np.arange(0.0, 4.0, 1.0 / rate)
+    out = low_pass(np.sin(2 * np.pi * frequency * time), rate_hz=rate, cutoff_hz=cutoff, order=order)
+    middle = (time >= 1.0) & (time < 3.0 - 0.5 / rate)
+    carrier = np.exp(-2j * np.pi * frequency * time[middle])
+    phasor = 2 * np.mean(out[middle] * carrier)
+    return abs(phasor), np.angle(phasor * 1j)
+
+
+def test_straight_line_passes_unchanged():
+    np.testing.assert_allclose(low_pass(TIME, rate_hz=RATE, cutoff_hz=6.0), TIME, atol=1e-3)
+    np.testing.assert_allclose(low_pass(TIME, rate_hz=RATE, cutoff_hz=6.0)[MIDDLE], TIME[MIDDLE], atol=1e-9)
+
+
+@pytest.mark.parametrize(("cutoff", "rate"), [(6.0, 1000.0), (40.0, 1000.0), (40.0, 100.0), (10.0, 60.0)])
+@pytest.mark.parametrize("order", [2, 4, 8])
+def test_amplitude_at_the_cutoff_is_minus_3_db(cutoff, rate, order):
+    gain, _ = gain_and_lag(cutoff, cutoff, rate, order)
+    assert gain == pytest.approx(1 / np.sqrt(2), rel=1e-4)
+
+
+@pytest.mark.parametrize("frequency", [2.0, 6.0, 10.0])
+def test_there_is_no_phase_lag(frequency):
+    _, lag = gain_and_lag(frequency, 6.0)
+    assert abs(lag) < 1e-6
+
+
+def test_fourth_order_roll_off():
+    near, far = gain_and_lag(60.0, 6.0)[0], gain_and_lag(120.0, 6.0)[0]
+    warped = np.tan(np.pi * 120.0 / RATE) / np.tan(np.pi * 60.0 / RATE)
+    assert near / far == pytest.approx(warped**4, rel=0.01)
+
+
+def test_time_reversed_input_gives_time_reversed_output():
+    signal = np.random.default_rng(0).normal(size=2000)
+    forward = low_pass(signal, rate_hz=RATE, cutoff_hz=40.0)
+    backward = low_pass(signal[::-1], rate_hz=RATE, cutoff_hz=40.0)[::-1]
+    np.testing.assert_allclose(forward[200:-200], backward[200:-200], atol=1e-9)
+
+
+@pytest.mark.parametrize("cutoff", [500.0, 800.0, 0.0, -1.0, np.nan])
+def test_impossible_cutoff_is_refused(cutoff):
+    with pytest.raises(InputError, match=r"impossible at 1000 samples per second\. It must be above 0 and below 500"):
+        low_pass(np.zeros(100), rate_hz=RATE, cutoff_hz=cutoff)
+
+
+def test_nan_is_refused_with_its_place():
+    signal = np.zeros(100)
+    signal[25] = np.nan
+    with pytest.raises(InputError, match=r"sample 25 \(after 0\.025 s\)"):
+        low_pass(signal, rate_hz=RATE, cutoff_hz=6.0)

@@ -94,7 +94,7 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
     for trial, walk, name in zip(trials, made, walk_names(list(made)), strict=True):
         person = with_files(options.person, standing, trials[0].recording)[0]
         forces = files.forces[files.walks.index(walk)]
-        beside = say("intake", "forces_beside", forces=forces.name, walk=walk.name) if forces in files.found else []
+        beside = say("intake", "forces_beside", forces=forces.name, walk=walk.name) if forces in files.beside else []
         try:
             check_mass(trial, file=walk)
             notes = tuple(dict.fromkeys((*beside, *model_notes, *trial.notes)))
@@ -194,12 +194,12 @@ def _make_trial(files: FileSet, number: int, standing: Recording | None, marker_
     except InputError as error:
         if options.person.mass_kg is not None or not (error.where or "").startswith("mass_kg"):
             raise
-        found = weighed(make(dataclasses.replace(options.person, mass_kg=PLACEHOLDER_KG)),
+        felt = weighed(make(dataclasses.replace(options.person, mass_kg=PLACEHOLDER_KG)),
                         belt_speed_m_per_s=options.belt_speed_m_per_s)
-        if found.value is None:
+        if felt.value is None:
             raise error from None
-        trial = _noted(make(dataclasses.replace(options.person, mass_kg=found.value)),
-                       say("intake", "impulse_mass", mass_kg=found.value))
+        trial = _noted(make(dataclasses.replace(options.person, mass_kg=felt.value)),
+                       say("intake", "impulse_mass", mass_kg=felt.value))
     if not options.inverse_kinematics:
         return trial
     return refined(trial, cutoff_hz=options.cutoff_hz, longest_gap_s=options.longest_gap_s)
@@ -220,7 +220,7 @@ class FileSet:
     walks: tuple[Path, ...]
     forces: tuple[Path | None, ...]  # one for each walk; None where it has its forces in itself
     standing_forces: Path | None = None  # where they are in a file of their own
-    found: tuple[Path, ...] = ()  # the force files that nobody named but that lie beside their walk
+    beside: tuple[Path, ...] = ()  # the force files that nobody named but that lie beside their walk
 
 
 def gather(standing: Path, walks: Sequence[Path], forces: Sequence[Path] = ()) -> FileSet:

@@ -122,7 +122,8 @@ class _FrameSolver:
         n = len(COORDINATES)
         self._program = MathematicalProgram()
         self._step = self._program.NewContinuousVariables(n, "step")
-        self._cost = self._program.AddQuadraticCost(np.eye(n), np.zeros(n), self._step, is_convex=True)
+        self._cost = self._program.AddQuadraticCost(
+            np.eye(n), np.zeros(n), self._step, is_convex=True)  # type: ignore[arg-type]  # pydrake's stubs: see above
         self._bounds = self._program.AddBoundingBoxConstraint(self.low, self.high, self._step)
         self._solver = ClarabelSolver()
 
@@ -200,7 +201,7 @@ class MarkerModel:
         for name, index in self.segment_bodies.items():
             fitted = segments[name].p_BM @ R[:, index].transpose(0, 2, 1) + p[:, index, None]
             seen = np.stack([markers[label] for label in segments[name].labels], axis=1)
-            poses[name] = RigidPoses(R_WB=R[:, index], p_WB=p[:, index], found=np.ones(len(values), dtype=bool),
+            poses[name] = RigidPoses(R_WB=R[:, index], p_WB=p[:, index], known=np.ones(len(values), dtype=bool),
                                      residual_m=np.linalg.norm(fitted - seen, axis=2))
         return poses
 

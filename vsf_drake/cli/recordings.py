@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,6 +24,9 @@ from vsf_drake.cli.app import (
     say,
 )
 from vsf_drake.errors import InputError, require
+
+if TYPE_CHECKING:  # it imports Drake
+    from vsf_drake.analysis.recording.examine import Examined
 
 
 @app.command("import")
@@ -77,15 +81,17 @@ def import_trials(
                          right="Without a standing trial name the walk twice")
     if out is None:
         raise InputError("is missing", where="--out", right="Name the folder for the results")
-    facts: dict[str, Any] = {"prosthetic_side": prosthetic_side, "sex": sex, "mass_kg": mass_kg,
-                             "stature_m": stature_m, "name": name}
-    facts = {key: value for key, value in facts.items() if value is not None}
-    if subject is not None and facts:
-        option = f"--{next(iter(facts)).replace('_', '-')}"
-        raise InputError("is given beside a file that says it", where=option, right="Write it into the --subject file")
+    options_given = [option for option, value in (
+        ("--prosthetic-side", prosthetic_side), ("--sex", sex), ("--mass-kg", mass_kg), ("--stature-m", stature_m),
+        ("--name", name)) if value is not None]
+    if subject is not None and options_given:
+        raise InputError("is given beside a file that says it", where=options_given[0],
+                         right="Write it into the --subject file")
     require(abs(belt_speed_m_per_s) <= 5.0, f"{belt_speed_m_per_s:g} m/s is no speed of a belt", "--belt-speed-m-per-s",
             "It must be between -5 and 5 m/s")
-    person, stated = (PersonFacts(**facts), {}) if subject is None else load_stated_subject(subject)
+    person, stated = load_stated_subject(subject) if subject is not None else (PersonFacts(
+        prosthetic_side=prosthetic_side, sex=sex, mass_kg=mass_kg, stature_m=stature_m,
+        name=PersonFacts.name if name is None else name), {})
     IMPORT.check(out)
     options = IntakeOptions(
         person=person, stated=stated, marker_map=marker_map, fulcrum_mm=tuple(fulcrum_mm or ()),
@@ -97,8 +103,8 @@ def import_trials(
     with progress() as show:
         intake = take_in(gather(files[0], files[1:], forces or ()), options, progress=show)
         show("writing the report", 0.95)
-        table = write_import(intake, out)
-    _finish(table, out)
+        write_import(intake, out)
+    _finish(IMPORT.kind, intake.items, intake.failures, out)
 
 
 @app.command()
@@ -124,20 +130,17 @@ def check(trials: Trials, out: Out, contact: Contact = None) -> None:
                 failures[str(file)] = str(error)
         if not items:
             raise InputError("none of the trials can be read:\n" + "\n".join(f"- {why}" for why in failures.values()))
-        table = write_check(items, failures, out)
-    _finish(table, out)
+        write_check(items, failures, out)
+    _finish(CHECK.kind, items, failures, out)
 
 
-def _finish(table: dict[str, Any], out: Path) -> None:
-    """Each trial with its mark and expected error: what makes it unusable in words, what else is doubtful by name.
-
-    Says which files could not be used, and ends with exit code 2 if there are any.
-    """
-    print_text("recordings", **table, expected=EXPECTED)
-    say(f"written to {out}; read {table['kind']}.html first")
-    for file, why in table["failures"].items():
+def _finish(kind: str, items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> None:
+    """Says how good each trial is and which files could not be used; exit code 2 if there are any of these."""
+    print_text("recordings", items=items, expected=EXPECTED)
+    say(f"written to {out}; read {kind}.html first")
+    for file, why in failures.items():
         fail(why if file in why else f"{file}: {why}")
-    if table["failures"]:
+    if failures:
         sys.exit(InputError.exit_code)
 
 

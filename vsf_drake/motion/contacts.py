@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -93,9 +92,6 @@ class _Load(Contact):
     shared: bool = False  # both feet's
     contradicted: bool = False  # given as stated, against its place
 
-    def doubted(self, why: str, numbers: Mapping[str, Any] | None = None, /, **changes: Any) -> _Load:
-        return replace(self, doubt=say("feet", why, **(numbers or {}))[0], **changes)
-
 
 def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, FootTrack], pelvis_W: np.ndarray, *,
                   stated: Mapping[str, str | None] | None = None) -> Assignment:
@@ -124,18 +120,18 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
     force_s = recording.force_time_s
     loads = [_Load(plate.name, None, **vars(s), of=plate, time_s=force_s, scuff=find is find_scuffs)
              for plate in plates for find in (find_stances, find_scuffs) for s in find(force_s, plate.force_n[:, 2])]
-    found = [part for load in sorted(loads, key=lambda load: (load.start_s, load.plate))
+    parts = [part for load in sorted(loads, key=lambda load: (load.start_s, load.plate))
              for part in _attribute(load, floor, names.get(load.plate))]
-    found = [_judge_sharing(load, found, floor) for load in found]
-    _check_near(found, recording, time_s)
-    owned = {side: [load for load in found if load.side == side] for side in SIDES}
-    sums = {side: _on_one_foot(force_s, plates, own) for side, own in owned.items()
-            if not all(load.scuff for load in own)}
+    parts = [_judge_sharing(load, parts, floor) for load in parts]
+    _check_near(parts, recording, time_s)
+    owned = {side: [load for load in parts if load.side == side] for side in SIDES}
+    sums = {side: _on_one_foot(force_s, plates, mine) for side, mine in owned.items()
+            if not all(load.scuff for load in mine)}
     record = max(float(force_s[0]), float(time_s[0])), min(float(force_s[-1]), float(time_s[-1]))
-    missing, doubts = _unmeasured(found, stances, record)
+    missing, doubts = _unmeasured(parts, stances, record)
     contacts = [Contact(**{key: getattr(load, key) for key in Contact.__dataclass_fields__} | {
         "doubt": "; ".join(filter(None, (load.doubt, doubts.get(i)))) or None})
-        for i, load in enumerate(found) if not load.scuff]
+        for i, load in enumerate(parts) if not load.scuff]
     for contact in contacts:
         notes += say("feet", "contact", c=contact)
     for side, spans in missing.items():
@@ -143,9 +139,9 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
     return Assignment(sums, tuple(contacts), missing, tuple(notes))
 
 
-def _check_near(found: Sequence[_Load], recording: Recording, time_s: np.ndarray) -> None:
+def _check_near(loads: Sequence[_Load], recording: Recording, time_s: np.ndarray) -> None:
     file = recording.force_path or recording.path
-    seen = [load for load in found if not load.scuff and load.in_view]
+    seen = [load for load in loads if not load.scuff and load.in_view]
     if not seen:
         peak = max(float(plate.force_n[:, 2].max()) for plate in recording.plates)
         raise InputError(f"no plate carries a person between {time_s[0]:.3f} and {time_s[-1]:.3f} s, where the markers "
@@ -201,10 +197,10 @@ def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Pl
         apart = np.linalg.norm(a.force_n[both] - b.force_n[both])
         if apart > SAME_FORCE * np.linalg.norm(a.force_n[both]):
             continue
-        kept, dropped = (b, a) if distance(a, both) > distance(b, both) else (a, b)
-        left_out.append(dropped)
-        notes += say("feet", "doubled", plates=(a.name, b.name), during=time[both][[0, -1]], dropped=dropped.name,
-                     kept=kept.name)
+        better, worse = (b, a) if distance(a, both) > distance(b, both) else (a, b)
+        left_out.append(worse)
+        notes += say("feet", "doubled", plates=(a.name, b.name), during=time[both][[0, -1]], dropped=worse.name,
+                     kept=better.name)
     return [plate for plate in recording.plates if plate not in left_out], notes
 
 
@@ -240,7 +236,10 @@ class _FeetOnFloor:
 
 def _within(times: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
     """(k,) whether times lie in any of the spans."""
-    return np.any([(times >= start) & (times <= end) for start, end in spans] or [np.zeros(len(times), bool)], axis=0)
+    within = np.zeros(len(times), dtype=bool)
+    for start, end in spans:
+        within |= (times >= start) & (times <= end)
+    return within
 
 
 def _rows(load: _Load, floor: _FeetOnFloor, lowest_n: float) -> np.ndarray:
@@ -256,7 +255,7 @@ def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Lo
     overlap = min(load.end_s, floor.time_s[-1]) - max(load.start_s, floor.time_s[0])
     rows = _rows(load, floor, THRESHOLD_N if load.scuff else LIGHT_N)
     if overlap <= 0.0 or (overlap < SHARED_S and not load.scuff):
-        return [load.doubted("unseen", side=stated, in_view=False)]
+        return [replace(load, doubt=say("feet", "unseen")[0], side=stated, in_view=False)]
     if len(rows) < 3:
         return [_by_time(load, floor, stated)]
     times, points = load.time_s[rows], load.of.cop_m[rows, :2]
@@ -268,21 +267,23 @@ def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Lo
         distance, nearer = (float(np.median(apart[s][0])) for s in (side, turns[0][2]))
         if stated is not None and (len(turns) > 1 or stated != turns[0][2] or distance > FAR_M):
             other = next(s for s in SIDES if s != stated) if len(turns) > 1 else turns[0][2]
-            numbers = {"stated": stated, "distance_m": distance, "other": other,
-                       "nearer_m": float(np.median(apart[other][0]))}
-            return [load.doubted("contradicted", numbers, side=stated, distance_m=distance, contradicted=True)]
+            [doubt] = say("feet", "contradicted", stated=stated, distance_m=distance, other=other,
+                          nearer_m=float(np.median(apart[other][0])))
+            return [replace(load, doubt=doubt, side=stated, distance_m=distance, contradicted=True)]
         return [_judged(load, side, nearer, apart[side][1])]
     distances = [float(np.median(apart[side][0][first:last + 1])) for first, last, side in turns]
     if max(distances) > FAR_M:
-        return [load.doubted("far", {"distance_m": max(distances), "partly": True}, distance_m=max(distances))]
-    return [load.doubted("shared", start_s=load.start_s if first == 0 else float(times[first]), shared=True,
-                         end_s=load.end_s if last == len(times) - 1 else float(times[last + 1]), distance_m=distance)
+        [doubt] = say("feet", "far", distance_m=max(distances), partly=True)
+        return [replace(load, doubt=doubt, distance_m=max(distances))]
+    [doubt] = say("feet", "shared")
+    return [replace(load, doubt=doubt, start_s=load.start_s if first == 0 else float(times[first]), shared=True,
+                    end_s=load.end_s if last == len(times) - 1 else float(times[last + 1]), distance_m=distance)
             for (first, last, _), distance in zip(turns, distances, strict=True)]
 
 
 def _judged(load: _Load, side: str, distance: float, along: np.ndarray) -> _Load:
     if distance > FAR_M:
-        return load.doubted("far", {"distance_m": distance, "partly": False}, distance_m=distance)
+        return replace(load, doubt=say("feet", "far", distance_m=distance, partly=False)[0], distance_m=distance)
     doubts = say("feet", "beside", distance_m=distance) if distance > BESIDE_M else []
     third = len(along) // 3
     if (load.start_seen and load.end_seen and third > 3
@@ -299,7 +300,7 @@ def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
                          + abs(s.end_s - load.end_s) * (s.end_seen and load.end_seen)
                          + 10.0 * (min(s.end_s, load.end_s) <= max(s.start_s, load.start_s))
                          for s in floor.stances[side]), default=np.inf) for side in SIDES}
-    return load.doubted("by_time", side=stated or min(SIDES, key=lambda s: misfit[s]))
+    return replace(load, doubt=say("feet", "by_time")[0], side=stated or min(SIDES, key=lambda s: misfit[s]))
 
 
 def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]:
@@ -310,7 +311,7 @@ def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]
     return [(int(a), int(b) - 1, SIDES[smooth[a]]) for a, b in pairwise(edges)]
 
 
-def _judge_sharing(load: _Load, found: Sequence[_Load], floor: _FeetOnFloor) -> _Load:
+def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> _Load:
     """The same load without a foot if both stand on the plate at once."""
     side, corners = load.side, load.of.corners_m
     if side is None or load.scuff or load.contradicted or not load.in_view or np.isnan(load.distance_m):
@@ -325,13 +326,13 @@ def _judge_sharing(load: _Load, found: Sequence[_Load], floor: _FeetOnFloor) -> 
     if corners is not None:
         heel, toe = floor.at(times, other)
         on = _inside(heel, corners) | _inside(toe, corners)
-        elsewhere = _within(times, [(one.start_s, one.end_s) for one in found
+        elsewhere = _within(times, [(one.start_s, one.end_s) for one in loads
                                     if one.plate != load.plate and one.side == other])
         pulled &= _touches(heel, toe, corners)
         pulled |= both & on & ~elsewhere
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     shared = np.count_nonzero(pulled) * step >= SHARED_S
-    return load.doubted("shared", side=None, shared=True) if shared else load
+    return replace(load, doubt=say("feet", "shared")[0], side=None, shared=True) if shared else load
 
 
 def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
@@ -340,7 +341,10 @@ def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.nda
     """
     sides = corners_m[:, :2] - corners_m[:, :2].mean(axis=0)
     wider = corners_m[:, :2] + BESIDE_M * np.sqrt(2.0) * sides / np.linalg.norm(sides, axis=1, keepdims=True)
-    return np.any([_inside(heel + part * (toe - heel), wider) for part in np.linspace(0.0, 1.0, 5)], axis=0)
+    touches = np.zeros(len(heel), dtype=bool)
+    for part in np.linspace(0.0, 1.0, 5):
+        touches |= _inside(heel + part * (toe - heel), wider)
+    return touches
 
 
 def _inside(points: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
@@ -350,7 +354,8 @@ def _inside(points: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
     corners = flat[np.argsort(np.arctan2(centred[:, 1], centred[:, 0]))]
     edges = np.roll(corners, -1, axis=0) - corners
     apart = points[:, None] - corners[None]
-    return np.all(edges[None, :, 0] * apart[..., 1] - edges[None, :, 1] * apart[..., 0] >= 0.0, axis=1)
+    left_of = edges[None, :, 0] * apart[..., 1] - edges[None, :, 1] * apart[..., 0] >= 0.0
+    return np.asarray(left_of.all(axis=1))
 
 
 # The forces of several plates as one force on one foot; and when it is not known, on ground that no plate measures.
@@ -396,18 +401,18 @@ def _with_tails(load: _Load) -> Span:
             min(load.end_s + TAIL_S, time[after[0]] if after.size else np.inf))
 
 
-def _unmeasured(found: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
+def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
                 record: Span) -> tuple[dict[str, tuple[Span, ...]], dict[int, str]]:
     """Stances of which more than 0.12 s is on no plate, by side, as a whole: half of one cannot be compared; and doubts
     about the loads that cover them in part, by index in `found`. `record` is where both forces and feet are known."""
     missing: dict[str, tuple[Span, ...]] = {}
     doubts: dict[int, str] = {}
     for side in SIDES:
-        spans = [(load.start_s, load.end_s) for load in found if load.shared
+        spans = [(load.start_s, load.end_s) for load in loads if load.shared
                  and any(min(load.end_s, s.end_s) > max(load.start_s, s.start_s) for s in stances[side])]
         for stance in stances[side]:
             start, end = max(stance.start_s, record[0]), min(stance.end_s, record[1])
-            covering = {i: (load.start_s, load.end_s) for i, load in enumerate(found) if load.side == side
+            covering = {i: (load.start_s, load.end_s) for i, load in enumerate(loads) if load.side == side
                         and not load.scuff and min(load.end_s, end) > max(load.start_s, start)}
             gap, at = 0.0, start
             for a, b in (*sorted(covering.values()), (end, end)):

@@ -93,7 +93,7 @@ def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s:
             bouts[-1][1] = end
         else:
             bouts.append([start, end])
-    found, most = [], FASTEST_PER_S * max(threshold, force.max(initial=0.0))
+    contacts, most = [], FASTEST_PER_S * max(threshold, force.max(initial=0.0))
     for start, end in bouts:
         peak = float(force[(time_s >= start) & (time_s <= end)].max(initial=threshold))
         before, after = int(np.searchsorted(time_s, start, "right")) - 1, int(np.searchsorted(time_s, end, "left"))
@@ -101,8 +101,8 @@ def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s:
                 not ((on[-1] and end == time_s[-1]) or _jumps(time_s, force, after, -1, most)))
         cut = (not seen[0] and before == 0) or (not seen[1] and after == len(time_s) - 1)  # its ends may be blank
         contact = Stance(float(start), float(end), *seen)
-        found.append((contact, peak >= MINIMUM_PEAK_N and (contact.duration_s >= MINIMUM_S or cut)))
-    return found
+        contacts.append((contact, peak >= MINIMUM_PEAK_N and (contact.duration_s >= MINIMUM_S or cut)))
+    return contacts
 
 
 def _jumps(time_s: np.ndarray, force: np.ndarray, unloaded: int, way: int, most: float) -> bool:
@@ -179,7 +179,7 @@ def walking_direction(feet: Mapping[str, FootTrack], pelvis_W: np.ndarray) -> np
 def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
     step = float(np.median(np.diff(time_s)))
     peaks, _ = find_peaks(values, prominence=PROMINENCE * np.ptp(values), distance=max(1, round(SHORTEST_S / step)))
-    return time_s[peaks].tolist()
+    return [float(instant) for instant in time_s[peaks]]
 
 
 def _with_ends(events: list[tuple[float, bool]], heel: np.ndarray, toe: np.ndarray,

@@ -38,17 +38,17 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
     check_person(trial.subject, contact, file=file)
     if any(note.startswith(APPLIED) for note in trial.notes):
         raise InputError("the trial has a fitted contact already", file=file, where=trial.name)
-    print_ = fingerprint(trial)
-    own = next((fitted for fitted in contact.trials if fitted.fingerprint == print_), None)
+    recorded = fingerprint(trial)
+    here = next((fitted for fitted in contact.trials if fitted.fingerprint == recorded), None)
     added = {"height_m": "offset.height", "fore_aft_m": "offset.fore_aft", "alignment_rad": "offset.alignment"}
     offsets = {key: getattr(trial.offsets, key) + contact.values.get(name, 0.0)
-               + (own.height_m if own and key == "height_m" else 0.0) for key, name in added.items()}
+               + (here.height_m if here and key == "height_m" else 0.0) for key, name in added.items()}
     notes = say("trial", "contact", applied=APPLIED, file=file and Path(file).name, strategy=contact.strategy,
-                values=len(contact.values), curves=[curve.coordinate for curve in contact.curves], own=own is not None,
-                path=own and own.path, converged=contact.converged)
+                values=len(contact.values), curves=[curve.coordinate for curve in contact.curves],
+                own=here is not None, path=here and here.path, converged=contact.converged)
     return dataclasses.replace(
         trial, model=model_with(trial.model, contact.values, file=file),
-        offsets=check(GeometricOffsets(**offsets), file=file), trajectory=_trajectory(trial, contact, own),
+        offsets=check(GeometricOffsets(**offsets), file=file), trajectory=_trajectory(trial, contact, here),
         notes=(*trial.notes, *notes),
         inputs=trial.inputs | ({} if file is None else {f"contact: {Path(file).name}": sha256(file)}))
 
@@ -71,11 +71,11 @@ def fingerprint(trial: Trial) -> str:
 
     The same in any process and wherever the files are; paths, names, person, model and fulcrum do not enter.
     """
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
 
     def add(name: str, values: np.ndarray, grain: float) -> None:
         counts = np.rint(np.nan_to_num(np.asarray(values, dtype=float)) / grain).astype("<i8")
-        found.update(f"\0{name} {counts.shape}\0".encode() + np.ascontiguousarray(counts).tobytes())
+        digest.update(f"\0{name} {counts.shape}\0".encode() + np.ascontiguousarray(counts).tobytes())
 
     add("window", np.array([trial.start_s, trial.end_s]), _GRAIN)
     add("time", trial.trajectory.time_s, _GRAIN)
@@ -85,7 +85,7 @@ def fingerprint(trial: Trial) -> str:
         add(f"{side} time", plate.time_s, _GRAIN)
         add(f"{side} force", plate.force_W, _GRAIN_N)
         add(f"{side} centre of pressure", plate.cop_W, _GRAIN)
-    return found.hexdigest()
+    return digest.hexdigest()
 
 
 def _trajectory(trial: Trial, contact: FittedContact, own: FittedTrial | None) -> CoordinateTrajectory:
@@ -155,6 +155,6 @@ def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.nd
     def phase(times: np.ndarray) -> np.ndarray:
         times = np.asarray(times, dtype=float)
         early, late = np.minimum(times - instants[0], 0.0), np.maximum(times - instants[-1], 0.0)
-        return between(np.clip(times, instants[0], instants[-1])) + rates[0] * early + rates[1] * late
+        return np.asarray(between(np.clip(times, instants[0], instants[-1])) + rates[0] * early + rates[1] * late)
 
     return phase

@@ -219,7 +219,7 @@ def with_stated(subject: Subject, stated: Mapping[str, float]) -> tuple[Subject,
     """The person with what is stated in place of what the markers tell, and notes where these differ much."""
     notes = []
     for name, value in stated.items():
-        found = getattr(subject, name)
-        if name.endswith("length_m") and found is not None and abs(value - found) > APART * abs(found):
-            notes += say("trial", "stated", name=name, value=value, found=found)
+        measured = getattr(subject, name)
+        if name.endswith("length_m") and measured is not None and abs(value - measured) > APART * abs(measured):
+            notes += say("trial", "stated", name=name, value=value, measured=measured)
     return check(dataclasses.replace(subject, **stated)), notes  # type: ignore[arg-type]

@@ -159,12 +159,12 @@ def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> d
 
     Refused, with the prefixes found and the mapping to write, where neither tells.
     """
-    found = find_prefixes(storage)
-    listed = ", ".join(found) or "none"
+    prefixes = find_prefixes(storage)
+    listed = ", ".join(prefixes) or "none"
     if stated is not None:
         chosen = {side: prefix for side in SIDES if (prefix := stated.get(side)) is not None}
         for side, prefix in chosen.items():
-            if prefix not in found:
+            if prefix not in prefixes:
                 lacking = [name for axis in "xyz" if (name := f"{prefix}_v{axis}") not in storage.names]
                 zeros = "" if len(lacking) == 3 else ". A component that was not measured may be a column of zeros"
                 raise InputError(f"has no force columns {', '.join(lacking)}", file=storage.path,
@@ -173,10 +173,10 @@ def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> d
             raise InputError("the same columns stand for both feet", file=storage.path, where="forces",
                              right=f"Prefixes found: {listed}")
         return chosen
-    matches = {side: [prefix for prefix in found if re.search(pattern, prefix, re.IGNORECASE)]
+    matches = {side: [prefix for prefix in prefixes if re.search(pattern, prefix, re.IGNORECASE)]
                for side, pattern in _WORDS.items()}
-    chosen = {side: prefixes[0] for side, prefixes in matches.items() if prefixes}
-    if not chosen or any(len(prefixes) > 1 for prefixes in matches.values()):
+    chosen = {side: matching[0] for side, matching in matches.items() if matching}
+    if not chosen or any(len(matching) > 1 for matching in matches.values()):
         raise InputError(f"the column names do not tell which force is which foot; prefixes found: {listed}",
                          file=storage.path, where="forces", right="Say it in the manifest: `forces: {file: "
                          f"{storage.path.name}, right: PREFIX, left: PREFIX}}`")

@@ -90,7 +90,12 @@ def window_bsplines(start_s: float, end_s: float, count: int) -> Callable[[np.nd
     clamped = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, count + 2), np.ones(3)])
     group = np.concatenate([np.zeros(3, dtype=int), np.arange(1, count - 1), np.full(3, count - 1)])
     spline = BSpline(clamped, np.eye(count)[group], 3)
-    return lambda times: spline(np.clip((np.asarray(times, dtype=float) - start_s) / (end_s - start_s), 0.0, 1.0))
+
+    def basis(times: np.ndarray) -> np.ndarray:
+        share = (np.asarray(times, dtype=float) - start_s) / (end_s - start_s)
+        return np.asarray(spline(np.clip(share, 0.0, 1.0)))
+
+    return basis
 
 
 def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -104,7 +109,7 @@ def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
 
     def basis(phase: np.ndarray) -> np.ndarray:
         from_centre = np.asarray(phase, dtype=float)[:, None] * count - centres
-        return np.nan_to_num(one((from_centre + 0.5 * count) % count - 0.5 * count))
+        return np.asarray(np.nan_to_num(one((from_centre + 0.5 * count) % count - 0.5 * count)))
 
     return basis
 
@@ -141,4 +146,4 @@ def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int
     warped = np.tan(np.pi * cutoff_hz / rate_hz) / (np.sqrt(2.0) - 1.0) ** (1.0 / order)
     sos = butter(order // 2, rate_hz / np.pi * np.arctan(warped), fs=rate_hz, output="sos")
     extension = min(len(values) - 1, int(np.ceil(2.0 * rate_hz / cutoff_hz)))
-    return sosfiltfilt(sos, values, axis=0, padtype="odd", padlen=extension)
+    return np.asarray(sosfiltfilt(sos, values, axis=0, padtype="odd", padlen=extension))

@@ -253,17 +253,22 @@ def model_ankle(tracked: TrackedMotion, calibration: Calibration, subject: Subje
     R_W, p_WPelvis = orientations_of(tracked.values[:, [tracked.names.index(name) for name in COORDINATES]])
     outward = -1.0 if side == "right" else 1.0
     measured = calibration.segments[f"thigh_{side}"].p_PB * [1.0, outward, 1.0]
-    forward, lateral, up = (found if stated is None else stated for stated, found in zip(
+    forward, lateral, up = (marked if stated is None else stated for stated, marked in zip(
         (subject.hip_forward_m, subject.hip_lateral_m, subject.hip_up_m), measured, strict=True))
     thigh = subject.prosthetic_thigh_length_m or subject.thigh_length_m or float(
         np.linalg.norm(calibration.segments[f"shank_{side}"].p_PB))
     hip = p_WPelvis + R_W["pelvis"] @ np.array([forward, outward * lateral, up])
     knee = hip + R_W[f"thigh_{side}"] @ np.array([0.0, 0.0, -thigh])
-    return knee + R_W[f"shank_{side}"] @ calibration.segments[f"foot_{side}"].p_PB
+    return np.asarray(knee + R_W[f"shank_{side}"] @ calibration.segments[f"foot_{side}"].p_PB)
+
+
+def trial_files(stem: str) -> tuple[str, str]:
+    """The names of the files that a manifest takes as `kinematics` and `forces`."""
+    return f"{stem}_ik.mot", f"{stem}_grf.mot"
 
 
 def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str, str]:
-    """Writes `<stem>_ik.mot` and `<stem>_grf.mot`, which a manifest takes as `kinematics` and `forces`; their names.
+    """Writes the two `trial_files` of a trial; their names.
 
     Both are in OpenSim's frame (x forward, y up, z right). Angles are in degrees, with both ankles where the trial
     comes from markers. Forces are ground_force_r_vx, ... with the centre of pressure on the floor and the free moment
@@ -275,7 +280,7 @@ def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str,
         columns = dict(zip(trial.tracked.names, trial.tracked.values.T, strict=True)) | columns
         columns = {name: columns[name] for name in (*trial.trajectory.names, *columns)}
     shown = [column if name in PELVIS_TRANSLATIONS else np.degrees(column) for name, column in columns.items()]
-    kinematics, forces = f"{stem}_ik.mot", f"{stem}_grf.mot"
+    kinematics, forces = trial_files(stem)
     label = "synthetic" if trial.synthetic else "from a recording"
     write_storage(folder / kinematics, time_s=trial.trajectory.time_s, names=list(columns),
                   values=np.column_stack(shown), in_degrees=True, title=f"{stem} joint angles, {label}")

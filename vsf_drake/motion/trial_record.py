@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -96,17 +95,17 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list
     vertical = np.sum([plate.force_W[:, 2] for plate in assignment.plates.values()], axis=0)
     strikes = {side: [c.start_s for c in assignment.contacts if c.side == side and c.start_seen]
                for side in assignment.plates}
-    strides = [(start, end) for own in strikes.values() for start, end in pairwise(own)
+    strides = [(start, end) for strikes_of_foot in strikes.values() for start, end in pairwise(strikes_of_foot)
                if end - start < LONGEST_STRIDE_S and _measured((start, end), assignment.unmeasured)]
-    place: dict[str, Any] = {"file": walk.force_path or walk.path, "where": "mass_kg (--mass-kg)",
-                             "right": "State the body mass, prosthesis included"}
     if len(assignment.plates) < 2 or not strides:
-        raise InputError("the body mass is not stated, and there is no stride in which both feet stand on plates "
-                         "throughout", **place)
-    mass = float(np.mean([float(np.mean(vertical[(time >= a) & (time < b)])) for a, b in strides])) / GRAVITY
-    if not LEAST_MASS_KG <= mass <= MOST_MASS_KG:
-        raise InputError(f"the plates carry {mass * GRAVITY:.0f} N over a stride, which is nobody's weight", **place)
-    return mass, say("trial", "mass", mass_kg=mass, strides=strides)
+        what = "the body mass is not stated, and there is no stride in which both feet stand on plates throughout"
+    else:
+        mass = float(np.mean([float(np.mean(vertical[(time >= a) & (time < b)])) for a, b in strides])) / GRAVITY
+        if LEAST_MASS_KG <= mass <= MOST_MASS_KG:
+            return mass, say("trial", "mass", mass_kg=mass, strides=strides)
+        what = f"the plates carry {mass * GRAVITY:.0f} N over a stride, which is nobody's weight"
+    raise InputError(what, file=walk.force_path or walk.path, where="mass_kg (--mass-kg)",
+                     right="State the body mass, prosthesis included")
 
 
 def check_mass(trial: Trial, *, file: str | Path | None) -> None:
@@ -116,7 +115,7 @@ def check_mass(trial: Trial, *, file: str | Path | None) -> None:
     plate, so that they carry the body throughout. Where there is no such step, any mass passes.
     """
     stances = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
-    strikes = sorted((s.start_s, side) for side, found in stances.items() for s in found if s.start_seen)
+    strikes = sorted((s.start_s, side) for side, carried in stances.items() for s in carried if s.start_seen)
     steps = [(start, end) for (start, first), (end, second) in pairwise(strikes)
              if first != second and _measured((start, end), trial.unmeasured)
              and all(any(s.start_s <= at <= s.end_s for s in stances[side]) for side, at in
@@ -126,12 +125,12 @@ def check_mass(trial: Trial, *, file: str | Path | None) -> None:
     duration = sum(end - start for start, end in steps)
     force = sum(float(np.mean(plate.force_W[(plate.time_s >= start) & (plate.time_s < end), 2])) * (end - start)
                 for plate in trial.plates.values() for start, end in steps) / duration
-    found, stated = force / GRAVITY, trial.subject.mass_kg
-    if not CONTRADICTED[0] <= found / stated <= CONTRADICTED[1]:
-        pounds = abs(stated * POUND_KG / found - 1.0) < LIKE_POUNDS
+    carried, stated = force / GRAVITY, trial.subject.mass_kg
+    if not CONTRADICTED[0] <= carried / stated <= CONTRADICTED[1]:
+        pounds = abs(stated * POUND_KG / carried - 1.0) < LIKE_POUNDS
         raise InputError(
             f"the plates contradict a mass of {stated:g} kg: over {duration:.2f} s in which they carry both feet, the "
-            f"mean vertical force is the weight of {found:.1f} kg", file=file, where="mass_kg",
+            f"mean vertical force is the weight of {carried:.1f} kg", file=file, where="mass_kg",
             right=f"Is it in pounds? {stated:g} lb are {stated * POUND_KG:.1f} kg" if pounds else
                   "Give the mass in kg, prosthesis included, or check the unit of the forces")
 
@@ -164,11 +163,11 @@ def trial_window(path: Path, wish: Window | None, trajectory: CoordinateTrajecto
                                    (unmeasured or {}).get(side, ()), stances[side])
     _check_stances(window, plate, stances[side], side, subject.mass_kg, path)
     for s in sorted(plates, key=lambda s: s != side):
-        found = [((c.start_s, c.end_s), [end for end, seen in (
+        in_window = [((c.start_s, c.end_s), [end for end, seen in (
             ("start", c.start_seen and c.start_s >= window[0]), ("end", c.end_seen and c.end_s <= window[1]))
             if not seen]) for c in stances[s] if common((c.start_s, c.end_s), window)]
         scuffs = [(c.start_s, c.end_s) for c in find_scuffs(plates[s].time_s, plates[s].force_W[:, 2])]
-        notes += say("trial", "foot", side=s, prosthetic=s == side, stances=found,
+        notes += say("trial", "foot", side=s, prosthetic=s == side, stances=in_window,
                      scuffs=[scuff for scuff in scuffs if common(scuff, window)])
     at = (plate.time_s >= window[0]) & (plate.time_s <= window[1]) & (plate.force_W[:, 2] > MINIMUM_LOAD_N)
     at[1:] &= at[:-1]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -13,13 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vsf_drake.analysis.intake import Intake
-from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, expected_error, worst
+from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, worst
 from vsf_drake.analysis.recording.examine import Examined, mass_budget, person_table, trial_table
 from vsf_drake.analysis.recording.foot import flat_phase
 from vsf_drake.analysis.recording.motion_checks import RESIDUAL_M
 from vsf_drake.files import write_text
 from vsf_drake.motion.formats.recording import SIDES
-from vsf_drake.motion.trial import load_trial, write_trial_files
+from vsf_drake.motion.trial import load_trial, trial_files, write_trial_files
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.report.page import render
@@ -34,52 +33,52 @@ CHECK = ResultsFolder(kind="check", command="check", table="check.json")
 _SUBJECT, _MODEL = "subject.yaml", "model.yaml"
 
 
-def write_import(intake: Intake, out: Path) -> dict[str, Any]:
+def write_import(intake: Intake, out: Path) -> None:
     """Writes subject.yaml, a manifest with angles and forces for each walk, import.json and import.html to `out`.
 
-    Every manifest is read back before anything appears in `out`. Returns what import.json holds.
+    Every manifest is read back before anything appears in `out`.
     """
     first = intake.items[0]
     failures = {Path(path).name: why for path, why in intake.failures.items()}
+    shared = {_SUBJECT: first.trial.subject, **({_MODEL: first.trial.model} if intake.scaled else {})}
+    of_walks = [{"manifest": f"{name}.yaml", **dict(zip(("kinematics", "forces"), trial_files(name), strict=True))}
+                for name in intake.names]
 
-    def more(folder: Path, table: dict[str, Any]) -> None:
-        written = {_SUBJECT: dump_yaml(first.trial.subject)}
-        if intake.scaled:
-            written[_MODEL] = dump_yaml(first.trial.model)
-        for name, text in written.items():
-            write_text(folder / name, text)
-        files = [*written, "import.json", "import.html"]
-        for item, name, row in zip(intake.items, intake.names, table["trials"], strict=True):
-            kinematics, forces = write_trial_files(item.trial, folder, name)
-            write_text(folder / f"{name}.yaml", _manifest(item.trial, kinematics, forces, scaled=intake.scaled))
-            load_trial(folder / f"{name}.yaml")
-            row.update(manifest=f"{name}.yaml", kinematics=kinematics, forces=forces)
-            files += [f"{name}.yaml", kinematics, forces]
-        table["files"] = sorted(files)
+    def write_files(folder: Path) -> None:
+        for name, record in shared.items():
+            write_text(folder / name, dump_yaml(record))
+        for item, name, files in zip(intake.items, intake.names, of_walks, strict=True):
+            write_trial_files(item.trial, folder, name)
+            write_text(folder / files["manifest"], _manifest(item.trial, files, scaled=intake.scaled))
+            load_trial(folder / files["manifest"])
         write_text(folder / "import.html", import_page(
             intake.items, title=f"Import of {first.trial.subject.name}", person=first, failures=failures))
 
-    return IMPORT.write(out, {
+    IMPORT.write(out, {
         "kind": "import", "mark": "unusable" if intake.failures else worst(item.mark for item in intake.items),
-        "trials": [trial_table(item) for item in intake.items], "failures": intake.failures, **person_table(first),
-        **provenance(intake.inputs)}, more=more)
+        "trials": [trial_table(item) | files for item, files in zip(intake.items, of_walks, strict=True)],
+        "failures": intake.failures, **person_table(first), **provenance(intake.inputs),
+        "files": sorted([*shared, "import.json", "import.html", *(name for files in of_walks for name in
+                                                                  files.values())])},
+        more=lambda folder, table: write_files(folder))
 
 
-def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> dict[str, Any]:
-    """Writes check.json and check.html to `out`; returns what check.json holds."""
+def write_check(items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> None:
+    """Writes check.json and check.html to `out`."""
     person = items[0] if len({item.trial.subject for item in items}) == 1 else None
     page = import_page(items, title="Check of recordings", person=person, failures=failures)
-    return CHECK.write(out, {
+    CHECK.write(out, {
         "kind": "check", "mark": "unusable" if failures else worst(item.mark for item in items),
         "trials": [{**trial_table(item), **person_table(item), "manifest": str(item.trial.path)} for item in items],
         "failures": failures, **provenance()}, more=lambda folder, table: write_text(folder / "check.html", page))
 
 
-def _manifest(trial: Trial, kinematics: str, forces: str, *, scaled: bool) -> str:
+def _manifest(trial: Trial, files: Mapping[str, str], *, scaled: bool) -> str:
     """The manifest's text; what the belt carried is in the files already."""
-    content: dict[str, Any] = {
-        "name": trial.name, "subject": _SUBJECT, "kinematics": kinematics,
-        "forces": {"file": forces, **{side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}},
+    plates = {side: f"ground_force_{side[0]}" for side in SIDES if side in trial.plates}
+    content = {
+        "name": trial.name, "subject": _SUBJECT, "kinematics": files["kinematics"],
+        "forces": {"file": files["forces"], **plates},
         "prosthesis": {"fulcrum_mm": round(1e3 * trial.fulcrum_m, 6)},
         "window": {"start_s": float(trial.start_s), "end_s": float(trial.end_s)},
         **({"model": _MODEL} if scaled else {}), **({"synthetic": True} if trial.synthetic else {})}
@@ -93,16 +92,12 @@ def import_page(items: Sequence[Examined], *, title: str, person: Examined | Non
     bad = [dict.fromkeys([*(check.name for check in item.checks if check.mark == "unusable"),
                           *(name for name, share in costs(item.checks).items() if share > 0.5 * GOOD_BW)])
            for item in items]
-    about: dict[str, Any] = {"subject": None}
-    if person is not None:
-        about = {"subject": person.trial.subject, "subject_numbers": to_plain(person.trial.subject),
-                 "budget": mass_budget(person.trial), "translations": PELVIS_TRANSLATIONS,
-                 "calibration": person.trial.calibration}
     figures = [[figure for make in _FIGURES if (figure := make(item)) is not None] for item in items]
     return render("import.html.j2", title=f"{title} (SYNTHETIC)" if synthetic else title, synthetic=synthetic,
-                  trials=items, bad=bad, errors=[expected_error(item.checks) for item in items], figures=figures,
-                  failures=failures or {}, marks=MARKS, colours=MARK_COLOURS, expected=EXPECTED,
-                  degrees=math.degrees(1.0), **about)
+                  trials=items, bad=bad, figures=figures, failures=failures or {}, marks=MARKS, colours=MARK_COLOURS,
+                  expected=EXPECTED, degrees=math.degrees(1.0), person=person and person.trial,
+                  subject_numbers=to_plain(person.trial.subject) if person else {},
+                  budget=mass_budget(person.trial) if person else {}, translations=PELVIS_TRANSLATIONS)
 
 
 # Figures: angles, forces, floor, foot heights, marker residuals.

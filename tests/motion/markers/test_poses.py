@@ -59,8 +59,8 @@ def test_markers_out_of_sight_are_left_out_of_their_frames_only():
     seen[3:7, 1] = np.nan
     seen[5, 2, 0] = np.nan
     poses = rigid_poses(CLUSTER, seen)
-    assert poses.found.tolist() == [n != 5 for n in range(40)]
-    np.testing.assert_allclose(poses.R_WB[poses.found], R[poses.found], atol=1e-12)
+    assert poses.known.tolist() == [n != 5 for n in range(40)]
+    np.testing.assert_allclose(poses.R_WB[poses.known], R[poses.known], atol=1e-12)
     assert np.isnan(poses.R_WB[5]).all() and np.isnan(poses.p_WB[5]).all()
     assert np.isnan(poses.residual_m[3:7, 1]).all() and not np.isnan(poses.residual_m[3, [0, 2, 3]]).any()
 
@@ -68,7 +68,7 @@ def test_markers_out_of_sight_are_left_out_of_their_frames_only():
 @pytest.mark.parametrize("cluster", [CLUSTER[:2], np.outer([0, 1, 2, 5], [0.1, 0.2, -0.1]), np.zeros((4, 3))])
 def test_markers_on_a_line_give_no_pose(cluster):
     poses = rigid_poses(cluster, moved(cluster)[2])
-    assert not poses.found.any() and np.isnan(poses.R_WB).all()
+    assert not poses.known.any() and np.isnan(poses.R_WB).all()
     assert cluster_width(cluster) < 1e-9
 
 

@@ -44,7 +44,7 @@ class Check:
     needed: bool = False  # a doubt here alone makes the recording doubtful: a good one cannot do without it
 
 
-def told(
+def checked(
     part: str, name: str, mark: str, value: float | None, unit: str, *, side: str | None = None,
     stance: int | None = None, cost_bw: float | None = None, needed: bool = False, **numbers: Any
 ) -> Check:
@@ -71,11 +71,11 @@ def at_most(mark: str, limit: str) -> str:
 
 def costs(checks: Iterable[Check]) -> dict[str, float]:
     """The largest cost (body weights) under each name, of one error seen on several feet and stances; largest first."""
-    found: dict[str, float] = {}
+    largest: dict[str, float] = {}
     for check in checks:
         if check.cost_bw is not None:
-            found[check.name] = max(check.cost_bw, found.get(check.name, 0.0))
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+            largest[check.name] = max(check.cost_bw, largest.get(check.name, 0.0))
+    return dict(sorted(largest.items(), key=lambda item: -item[1]))
 
 
 def expected_error(checks: Iterable[Check]) -> float:

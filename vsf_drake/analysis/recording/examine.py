@@ -5,11 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.recording import Check, expected_error, force_checks, motion_checks, overall, told
+from vsf_drake.analysis.recording import Check, checked, expected_error, force_checks, motion_checks, overall
 from vsf_drake.analysis.recording.foot import (
     FootMotion,
     flat_phase,
@@ -52,6 +51,11 @@ class Examined:
     def mark(self) -> str:
         """Of its expected error, unless a fault makes it unusable."""
         return overall(self.checks)
+
+    @property
+    def expected_error_bw(self) -> float:
+        """Of the predicted force, in body weights; see `recording.expected_error`."""
+        return expected_error(self.checks)
 
 
 def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: float = 0.0,
@@ -99,9 +103,9 @@ def weighed(trial: Trial, *, belt_speed_m_per_s: float = 0.0) -> Check:
         raise ValueError("only a trial from markers knows which foot was where")
     feet, body = _tracked(trial, trial.tracked, belt_speed_m_per_s)
     moving = _moving(feet, pelvis_in_world(trial.trajectory.time_s, trial), trial)
-    found = _forces(trial, body, _measured(trial), moving)[0]
-    assert found is not None
-    return found
+    felt = _forces(trial, body, _measured(trial), moving)[0]
+    assert felt is not None
+    return felt
 
 
 def pelvis_in_world(time_s: np.ndarray, trial: Trial) -> np.ndarray:
@@ -141,13 +145,13 @@ def _joined(moving: Sequence[Stance], measured: Sequence[Stance]) -> list[Stance
     def common(a: Stance, b: Stance) -> float:
         return min(a.end_s, b.end_s) - max(a.start_s, b.start_s)
 
-    found = []
+    joined = []
     for stance in moving:
         whole = [m for m in measured if common(m, stance) > 0.5 * m.duration_s
                  and abs(m.start_s - stance.start_s) + abs(m.end_s - stance.end_s) < 2 * PARTIAL_S and m.complete]
-        found.append(whole[0] if whole else stance)
-    found += [m for m in measured if not any(common(m, s) > 0.0 for s in found)]
-    return sorted(found, key=lambda s: s.start_s)
+        joined.append(whole[0] if whole else stance)
+    joined += [m for m in measured if not any(common(m, s) > 0.0 for s in joined)]
+    return sorted(joined, key=lambda s: s.start_s)
 
 
 def _within(trial: Trial, stances: Iterable[Stance]) -> list[Stance]:
@@ -201,7 +205,7 @@ def _markers(trial: Trial, cutoff_hz: float | None) -> list[Check | None]:
             motion_checks.spread("cluster_motion", tracked.cluster_motion_m),
             motion_checks.spread("joint_gaps", tracked.joint_gap_m), motion_checks.gaps_filled(tracked.gaps),
             motion_checks.filtered_before(raw, recording.marker_rate_hz or 0.0, cutoff_hz=cutoff_hz),
-            *(told("plate_and_foot", "plate and foot", "doubtful", c.start_s, "s", side=c.side, plate=c.plate,
+            *(checked("plate_and_foot", "plate and foot", "doubtful", c.start_s, "s", side=c.side, plate=c.plate,
                    start_s=c.start_s, end_s=c.end_s, doubt=c.doubt) for c in trial.contacts if c.doubt),
             Check("left and right", "doubtful", None, "", NOTE) if NOTE in recording.notes else None,
             *motion_checks.leg_lengths(calibration.lengths_m)]
@@ -210,39 +214,31 @@ def _markers(trial: Trial, cutoff_hz: float | None) -> list[Check | None]:
 # An examined trial in numbers, for import.json and check.json.
 
 
-def trial_table(item: Examined) -> dict[str, Any]:
+def trial_table(item: Examined) -> dict[str, object]:
     """Everything that was found about one trial; units are in the names, or beside the value."""
     trial, tracked = item.trial, item.trial.tracked
-
-    def rows(stances: Mapping[str, list[Stance]]) -> dict[str, list[dict[str, Any]]]:
-        return {side: [dataclasses.asdict(s) for s in of_foot] for side, of_foot in stances.items()}
-
-    table: dict[str, Any] = {
+    table: dict[str, object] = {
         "name": trial.name, "synthetic": trial.synthetic, "mark": item.mark,
-        "expected_error_bw": expected_error(item.checks),
-        "checks": [dataclasses.asdict(check) for check in item.checks], "notes": list(item.notes),
-        "window_s": [trial.start_s, trial.end_s], "fulcrum_mm": 1e3 * trial.fulcrum_m,
+        "expected_error_bw": item.expected_error_bw, "checks": item.checks, "notes": item.notes,
+        "window_s": (trial.start_s, trial.end_s), "fulcrum_mm": 1e3 * trial.fulcrum_m,
         "prosthetic_side": trial.subject.prosthetic_side, "feet_from": "markers" if tracked else "model",
-        "stances": rows(item.stances), "measured_stances": rows(item.measured), "inputs_sha256": dict(trial.inputs),
-        "contacts": [dataclasses.asdict(contact) for contact in trial.contacts],
-        "unmeasured_s": {side: [list(span) for span in spans] for side, spans in trial.unmeasured.items()}}
+        "stances": item.stances, "measured_stances": item.measured, "inputs_sha256": trial.inputs,
+        "contacts": trial.contacts, "unmeasured_s": trial.unmeasured}
     if tracked is not None:
-        table |= {
-            "marker_cutoff_hz": item.cutoff_hz,
-            "residual_rms_m": dict(tracked.residual_rms_m), "cluster_motion_m": dict(tracked.cluster_motion_m),
-            "joint_gap_m": dict(tracked.joint_gap_m), "gaps": [dataclasses.asdict(gap) for gap in tracked.gaps]}
+        table |= {"marker_cutoff_hz": item.cutoff_hz, "residual_rms_m": tracked.residual_rms_m,
+                  "cluster_motion_m": tracked.cluster_motion_m, "joint_gap_m": tracked.joint_gap_m,
+                  "gaps": tracked.gaps}
     return table
 
 
-def person_table(item: Examined) -> dict[str, Any]:
+def person_table(item: Examined) -> dict[str, object]:
     """The subject, the masses of the model's segments, and what the standing trial told where there was one."""
-    table: dict[str, Any] = {"subject": to_plain(item.trial.subject), "mass_budget_kg": mass_budget(item.trial)}
+    table: dict[str, object] = {"subject": to_plain(item.trial.subject), "mass_budget_kg": mass_budget(item.trial)}
     calibration = item.trial.calibration
     if calibration is not None:
         standing = calibration.angles_rad
         table["calibration"] = {
-            "lengths_m": dict(calibration.lengths_m), "method": list(calibration.method),
-            "notes": list(calibration.notes),
+            "lengths_m": calibration.lengths_m, "method": calibration.method, "notes": calibration.notes,
             "standing_angles_deg": {name: float(np.degrees(value)) for name, value in standing.items()
                                     if name not in PELVIS_TRANSLATIONS},
             "standing_pelvis_m": {name: standing[name] for name in PELVIS_TRANSLATIONS}}

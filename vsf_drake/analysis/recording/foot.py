@@ -52,12 +52,12 @@ class FootMotion:
     def pitch_rad(self) -> np.ndarray:
         """(n,) angle of the sole against the floor, toe up +."""
         along = self.toe_W - self.heel_W
-        return np.arctan2(along[:, 2], np.hypot(along[:, 0], along[:, 1]))
+        return np.asarray(np.arctan2(along[:, 2], np.hypot(along[:, 0], along[:, 1])))
 
     @property
     def height_m(self) -> np.ndarray:
         """(n,) height of the middle of the sole."""
-        return 0.5 * (self.heel_W[:, 2] + self.toe_W[:, 2])
+        return np.asarray(0.5 * (self.heel_W[:, 2] + self.toe_W[:, 2]))
 
     @property
     def ball_m(self) -> np.ndarray:
@@ -122,7 +122,7 @@ def slip_velocity(foot: FootMotion, point_W: np.ndarray) -> np.ndarray:
     R = np.stack([x, y, np.cross(x, y)], axis=2)  # of a frame at the heel: x to the toe, y left
     fixed = np.einsum("nji,nj->ni", R, np.asarray(point_W) - foot.heel_W)
     R_dot, v = np.gradient(R, foot.time_s, axis=0), np.gradient(foot.heel_W, foot.time_s, axis=0)
-    return (v + np.einsum("nij,nj->ni", R_dot, fixed))[:, :2]
+    return np.asarray((v + np.einsum("nij,nj->ni", R_dot, fixed))[:, :2])
 
 
 def floor_point(foot: FootMotion) -> np.ndarray:
@@ -161,7 +161,7 @@ def model_motion(
     centre, poses = np.empty((len(motion.time_s), 3)), np.empty((len(motion.time_s), len(bodies), 3, 4))
     for i, row in enumerate(motion.values):
         q[columns] = row
-        plant.SetPositions(context, q)
+        plant.SetPositions(context, q)  # type: ignore[arg-type]  # pydrake's stubs: a dtype as shape
         centre[i] = plant.CalcCenterOfMassPositionInWorld(context)
         poses[i] = [plant.EvalBodyPoseInWorld(context, plant.get_body(BodyIndex(body))).GetAsMatrix34()
                     for body in bodies]
@@ -169,9 +169,9 @@ def model_motion(
     for side, (of_foot, p_BP, radius) in points.items():
         X = poses[:, [bodies.index(int(body)) for body in of_foot]]
         place = np.einsum("nkij,kj->nki", X[..., :3], p_BP) + X[..., 3]
-        own = side == prosthetic
         feet[side] = FootMotion(side, motion.time_s, heel_W=place[:, 0], toe_W=place[:, 1], ankle_W=place[:, 2],
-                                lowest_m=(place[:, 3:, 2] - radius).min(axis=1), prosthetic=own, undeformed=own)
+                                lowest_m=(place[:, 3:, 2] - radius).min(axis=1), prosthetic=side == prosthetic,
+                                undeformed=side == prosthetic)
     return feet, CoordinateTrajectory(motion.time_s, centre, ("x", "y", "z"), source=motion.source)
 
 
@@ -183,13 +183,13 @@ def _prosthetic(person: PersonHandles) -> _Points:
     parameters, sites = person.foot.parameters, person.foot.sites
     x = [1e-3 * value for zone in parameters.zones for value in zone.x_mm]
     sole, frame = sole_height(parameters), person.foot.frame.index()
-    own = [[min(x), 0.0, sole], [max(x), 0.0, sole], [parameters.pylon_x_m, 0.0, sole + parameters.build_height_m]]
-    return [frame] * 3 + list(sites.body_indices), np.vstack([own, sites.p_BS]), sites.radius
+    points = [[min(x), 0.0, sole], [max(x), 0.0, sole], [parameters.pylon_x_m, 0.0, sole + parameters.build_height_m]]
+    return [frame] * 3 + list(sites.body_indices), np.vstack([points, sites.p_BS]), sites.radius
 
 
 def _intact(person: PersonHandles, model: ModelParameters, side: str) -> _Points:
     body, sites = person.body, person.intact_sites
     rear = -model.intact_foot.ankle_x_ratio * body.foot_length
-    own = [[rear, 0.0, -body.ankle_height], [rear + body.foot_length, 0.0, -body.ankle_height], [0.0, 0.0, 0.0]]
-    return ([person.segments[f"foot_{side}"].index()] * 3 + list(sites.body_indices), np.vstack([own, sites.p_BS]),
+    points = [[rear, 0.0, -body.ankle_height], [rear + body.foot_length, 0.0, -body.ankle_height], [0.0, 0.0, 0.0]]
+    return ([person.segments[f"foot_{side}"].index()] * 3 + list(sites.body_indices), np.vstack([points, sites.p_BS]),
             sites.radius)

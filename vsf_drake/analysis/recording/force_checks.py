@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.recording import DOUBTFUL_BW, GOOD_BW, Check, at_most, grade, told
+from vsf_drake.analysis.recording import DOUBTFUL_BW, GOOD_BW, Check, at_most, checked, grade
 from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity
 from vsf_drake.motion.events import Stance, longest_run
 from vsf_drake.motion.formats.recording import PlateRecording
@@ -85,12 +85,12 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, kno
     name, rows = "mass from the forces", longest_run(known)
     duration = float(np.ptp(time_s[rows])) if len(rows) > 2 else 0.0
     if duration < LEAST_S:
-        return told("mass_untold", name, "doubtful", None, "kg", needed=True, mass_kg=mass_kg)
+        return checked("mass_untold", name, "doubtful", None, "kg", needed=True, mass_kg=mass_kg)
     impulse = float(np.trapezoid(vertical_n[rows], time_s[rows]))
-    found = impulse / (GRAVITY * duration + float(up_m_per_s[rows[-1]] - up_m_per_s[rows[0]]))
-    error = found / mass_kg - 1.0
+    felt_kg = impulse / (GRAVITY * duration + float(up_m_per_s[rows[-1]] - up_m_per_s[rows[0]]))
+    error = felt_kg / mass_kg - 1.0
     limits = MASS if feet > 1 else MASS_ONE_FOOT
-    return told("mass", name, grade(error, *limits), found, "kg", cost_bw=max(0.0, abs(error) - limits[0]),
+    return checked("mass", name, grade(error, *limits), felt_kg, "kg", cost_bw=max(0.0, abs(error) - limits[0]),
                 mass_kg=mass_kg, error=error, duration=duration, feet=feet)
 
 
@@ -110,8 +110,8 @@ def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, kno
     if values[best] < BELIEVABLE_R or best in (0, len(shifts) - 1):
         return None
     value = float(shifts[best] / rate)
-    return told("lag", "lag of the forces", grade(value, *LAG_S), value, "s", touch_downs=0, correlation=values[best],
-                cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > TOLD_S))
+    return checked("lag", "lag of the forces", grade(value, *LAG_S), value, "s", touch_downs=0,
+                   correlation=values[best], cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > TOLD_S))
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
@@ -128,7 +128,7 @@ def event_lag(measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Seq
     if not pairs:
         return None
     value = float(np.median(pairs))
-    return told("lag", "lag of the forces at touch-down", grade(value, *EVENT_LAG_S), value, "s",
+    return checked("lag", "lag of the forces at touch-down", grade(value, *EVENT_LAG_S), value, "s",
                 touch_downs=len(pairs), cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > EVENT_LAG_S[0]))
 
 
@@ -143,7 +143,7 @@ def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -
     along = toe - heel
     share = np.clip(np.sum((cop - heel) * along, axis=1) / np.maximum(np.sum(along**2, axis=1), 1e-12), 0.0, 1.0)
     value = float(np.percentile(np.linalg.norm(cop - heel - share[:, None] * along, axis=1), 90))
-    return told("cop_under_foot", "centre of pressure under the foot", grade(value, *OUTSIDE_M), value, "m",
+    return checked("cop_under_foot", "centre of pressure under the foot", grade(value, *OUTSIDE_M), value, "m",
                 side=foot.side, needed=True)
 
 
@@ -161,17 +161,17 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
         return None
     lever = (body_W[rows, :2] - plate.cop_W[rows, :2]) / body_W[rows, 2:]
     slope = plate.force_W[rows, :2] / plate.force_W[rows, 2:]
-    found = {}
+    agreement = {}
     if np.ptp(lever[:, 0]) > LEVER[0]:
-        found["fore-aft"] = float(np.polyfit(lever[:, 0], slope[:, 0], 1)[0])
+        agreement["fore-aft"] = float(np.polyfit(lever[:, 0], slope[:, 0], 1)[0])
     beside, aside = float(np.median(lever[:, 1])), float(np.median(slope[:, 1]))
     if abs(beside) > LEVER[1] and abs(aside) > LEAST_SHEAR:
-        found["sideways"] = aside / beside
-    if not found:
+        agreement["sideways"] = aside / beside
+    if not agreement:
         return None
-    away = [name for name, value in found.items() if value < 0.0]
-    return told("shear", "direction of the force", "unusable" if away else "good", min(found.values()), "1", side=side,
-                away=away)
+    away = [name for name, value in agreement.items() if value < 0.0]
+    return checked("shear", "direction of the force", "unusable" if away else "good", min(agreement.values()), "1",
+                   side=side, away=away)
 
 
 # How well a foot stands: sole angle, height and its drift, slip, swing clearance.
@@ -239,14 +239,14 @@ def foot_checks(foot: FootMotion, stances: Sequence[Stance], cop_W: np.ndarray |
              if (rows := flat_phase(foot, stance, usual_s=usual_s)) is not None}
     if not flats:
         return [_of(foot, "unseen", "foot-flat", "doubtful" if foot.prosthetic else "good", None, "")]
-    found = [check(foot, rows, number) for number, rows in flats.items() for check in (sole_angle, drift)]
-    found += [slip(foot, rows, number, cop_W) for number, rows in flats.items()]
-    return found + heights(foot, [*flats.values()])
+    checks = [check(foot, rows, number) for number, rows in flats.items() for check in (sole_angle, drift)]
+    checks += [slip(foot, rows, number, cop_W) for number, rows in flats.items()]
+    return checks + heights(foot, [*flats.values()])
 
 
 def _of(foot: FootMotion, part: str, name: str, mark: str, value: float | None, unit: str, **more: Any) -> Check:
     """A check of a foot; an intact one's force is not what is asked for, and makes a doubt at most."""
-    return told(part, name, mark if foot.prosthetic else at_most(mark, "doubtful"), value, unit, side=foot.side,
+    return checked(part, name, mark if foot.prosthetic else at_most(mark, "doubtful"), value, unit, side=foot.side,
                 prosthetic=foot.prosthetic, undeformed=foot.undeformed, **more)
 
 
@@ -293,27 +293,27 @@ def heights(foot: FootMotion, flats: Sequence[np.ndarray]) -> list[Check]:
     """Mean height of the sole at foot-flat over all stances, and its range where there are several."""
     means = 1e3 * np.array([foot.height_m[rows].mean() for rows in flats])
     value = float(np.mean(means))
-    found = [_of(foot, "height", "sole height at foot-flat", "good" if foot.undeformed else grade(value, *HEIGHT_MM),
+    checks = [_of(foot, "height", "sole height at foot-flat", "good" if foot.undeformed else grade(value, *HEIGHT_MM),
                  value, "mm", share=HEIGHT_BW_PER_MM * abs(value))]
     if len(flats) > 1:
         value, bends = float(np.ptp(means)), 5 if foot.undeformed else 1
         low, high = _limits(foot, DRIFT_MM, INTACT_DRIFT_MM)
-        found.append(_of(foot, "height_between", "height between stances", grade(value, bends * low, bends * high),
+        checks.append(_of(foot, "height_between", "height between stances", grade(value, bends * low, bends * high),
                          value, "mm", cost_bw=HEIGHT_BW_PER_MM * value / 2 / bends if foot.prosthetic else None))
-    return found
+    return checks
 
 
 def clearance(foot: FootMotion, stances: Sequence[Stance]) -> Check | None:
     """Least height of the model foot's lowest point in mid-swing, over all swings; None where there is none."""
-    found = []
+    lowest = []
     for number, (before, after) in enumerate(pairwise(stances), start=1):
         start, length = before.end_s, after.start_s - before.end_s
         rows = foot.rows(start + SWING[0] * length, start + SWING[1] * length)
         if rows.any() and before.end_seen and after.start_seen:
-            found.append((float(1e3 * foot.lowest_m[rows].min()), number))
-    if not found:
+            lowest.append((float(1e3 * foot.lowest_m[rows].min()), number))
+    if not lowest:
         return None
-    value, number = min(found)
+    value, number = min(lowest)
     clear = value >= (CLEARANCE_MM[0] if foot.prosthetic else INTACT_CLEARANCE_MM)
     mark = "good" if clear else "doubtful" if value >= CUT_MM else "unusable"
     return _of(foot, "clearance", "swing clearance", mark, value, "mm", stance=number, above=value >= CLEARANCE_MM[1])

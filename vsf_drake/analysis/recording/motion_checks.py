@@ -6,7 +6,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.recording import DOUBTFUL_BW, FITTED_HIP_BW_PER_DEG, GOOD_BW, Check, at_most, grade, told, worst
+from vsf_drake.analysis.recording import (
+    DOUBTFUL_BW,
+    FITTED_HIP_BW_PER_DEG,
+    GOOD_BW,
+    Check,
+    at_most,
+    checked,
+    grade,
+    worst,
+)
 from vsf_drake.motion.events import longest_run
 from vsf_drake.motion.markers.segments import Gap
 
@@ -75,15 +84,15 @@ def zeroed(angles_rad: Mapping[str, np.ndarray], standing_rad: Mapping[str, floa
         standing_rad: angles at standing, where a standing trial was measured.
         speed_m_per_s: (n,) of the pelvis over the floor.
     """
-    def found(mark: str, value: float, unit: str = "deg", *, relative: Sequence[str] = (), subtracted: bool = False,
+    def judged(mark: str, value: float, unit: str = "deg", *, relative: Sequence[str] = (), subtracted: bool = False,
               calibrated: bool = False, hips: Sequence[float] = ()) -> Check:
-        return told("zeroed", "angles zeroed at standing", mark, value, unit, relative=relative, subtracted=subtracted,
-                    calibrated=calibrated, hips=hips, hip_bw_per_deg=HIP_BW_PER_DEG)
+        return checked("zeroed", "angles zeroed at standing", mark, value, unit, relative=relative,
+                       subtracted=subtracted, calibrated=calibrated, hips=hips, hip_bw_per_deg=HIP_BW_PER_DEG)
 
     known = {key: np.asarray(angles_rad[key]) for key in MAIN if key in angles_rad}
     first = [key for key, values in known.items() if abs(values[0]) < EXACT_RAD and np.ptp(values) > EXACT_RAD]
     if len(first) >= FEWEST_ANGLES:
-        return found("unusable", float(len(first)), "1", relative=first)
+        return judged("unusable", float(len(first)), "1", relative=first)
     still = speed_m_per_s < REST_M_PER_S
     standing = dict(standing_rad or {})
     if not standing and still.any():
@@ -92,13 +101,13 @@ def zeroed(angles_rad: Mapping[str, np.ndarray], standing_rad: Mapping[str, floa
     if len(main) >= FEWEST_ANGLES:
         value = float(np.max(main))
         if value < ZERO_DEG:
-            return found("doubtful" if standing_rad else "unusable", value, subtracted=True)
+            return judged("doubtful" if standing_rad else "unusable", value, subtracted=True)
         if standing_rad:
-            return found("good", value, calibrated=True)
+            return judged("good", value, calibrated=True)
     tilt = float(np.degrees(np.mean(known["pelvis_tilt"])))
     hips = [float(np.degrees(np.mean(known[key]))) for key in ("hip_flexion_r", "hip_flexion_l") if key in known]
     near_zero = abs(tilt) < ZEROED_TILT_DEG and hips and max(map(abs, hips)) < ZEROED_HIP_DEG
-    return found("doubtful" if near_zero else "good", tilt, hips=hips)
+    return judged("doubtful" if near_zero else "good", tilt, hips=hips)
 
 
 def ankle_offset(angles_rad: Mapping[str, np.ndarray], intact_side: str) -> Check | None:
@@ -107,7 +116,7 @@ def ankle_offset(angles_rad: Mapping[str, np.ndarray], intact_side: str) -> Chec
     if key not in angles_rad:
         return None
     value = float(np.degrees(np.mean(angles_rad[key])))
-    return told("ankle_offset", "ankle's zero", "good" if abs(value) < ANKLE_DEG else "doubtful", value, "deg",
+    return checked("ankle_offset", "ankle's zero", "good" if abs(value) < ANKLE_DEG else "doubtful", value, "deg",
                 side=intact_side)
 
 
@@ -126,7 +135,7 @@ def knee_axis(angles_rad: Mapping[str, np.ndarray], side: str) -> Check | None:
         return None
     slope = float(np.polyfit(np.sin(flexion), np.sin(adduction), 1)[0])
     value = float(np.degrees(np.arcsin(np.clip(slope, -1.0, 1.0))))
-    return told("knee_axis", "knee's axis", "good" if abs(value) < AXIS_DEG else "doubtful", value, "deg", side=side)
+    return checked("knee_axis", "knee's axis", "good" if abs(value) < AXIS_DEG else "doubtful", value, "deg", side=side)
 
 
 def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Check | None:
@@ -137,7 +146,7 @@ def smoothness(time_s: np.ndarray, angles_rad: Mapping[str, np.ndarray]) -> Chec
     if not known or rate <= 2.5 * ROUGH_HZ:
         return None
     angle = max(known, key=known.__getitem__)
-    return told("smoothness", "smoothness of angles", grade(known[angle], *ROUGH_DEG), known[angle], "deg",
+    return checked("smoothness", "smoothness of angles", grade(known[angle], *ROUGH_DEG), known[angle], "deg",
                 cost_bw=HIP_BW_PER_DEG * known[angle], angle=angle, above_hz=ROUGH_HZ)
 
 
@@ -146,7 +155,7 @@ def belt(feet_m_per_s: Sequence[float]) -> Check | None:
     speed = -float(np.median(feet_m_per_s)) if len(feet_m_per_s) > 1 else 0.0
     if speed < BELT_M_PER_S or np.ptp(feet_m_per_s) > 0.5 * speed:
         return None
-    return told("belt", "treadmill", "unusable", speed, "m/s")
+    return checked("belt", "treadmill", "unusable", speed, "m/s")
 
 
 def walking(time_s: np.ndarray, pelvis_W: np.ndarray) -> list[Check]:
@@ -154,18 +163,18 @@ def walking(time_s: np.ndarray, pelvis_W: np.ndarray) -> list[Check]:
     travel = (pelvis_W[-1] - pelvis_W[0])[:2]
     speed = float(np.hypot(*travel)) / float(time_s[-1] - time_s[0])
     usual = SPEED_M_PER_S[0] <= speed <= SPEED_M_PER_S[1]
-    found = [told("speed", "walking speed", "good" if usual else "doubtful", speed, "m/s")]
+    checks = [checked("speed", "walking speed", "good" if usual else "doubtful", speed, "m/s")]
     if speed >= SPEED_M_PER_S[0]:
         heading = float(np.degrees(np.arctan2(travel[1], travel[0])))
-        found.append(told("heading", "direction of walking", grade(heading, *HEADING_DEG), heading, "deg"))
+        checks.append(checked("heading", "direction of walking", grade(heading, *HEADING_DEG), heading, "deg"))
     bob = float(np.ptp(pelvis_W[:, 2] - np.polyval(np.polyfit(time_s, pelvis_W[:, 2], 1), time_s)))
     fits = BOB_M[0] <= bob <= BOB_M[1]
-    found.append(told("bob", "rise and fall of the pelvis", "good" if fits else "doubtful", bob, "m"))
+    checks.append(checked("bob", "rise and fall of the pelvis", "good" if fits else "doubtful", bob, "m"))
     jerks = np.linalg.norm(np.gradient(np.gradient(pelvis_W, time_s, axis=0), time_s, axis=0), axis=1)
     if jerks.max() > JUMP_M_PER_S2:
-        found.append(told("jerk", "path of the pelvis", "doubtful", float(jerks.max()), "m/s^2",
+        checks.append(checked("jerk", "path of the pelvis", "doubtful", float(jerks.max()), "m/s^2",
                           when_s=float(time_s[int(np.argmax(jerks))])))
-    return found
+    return checks
 
 
 # How well markers, rigid segments and the standing trial fit together.
@@ -179,7 +188,7 @@ def spread(part: str, values_m: Mapping[str, float]) -> Check | None:
     (name, limits), value = SPREADS[part], ranked[0][1]
     names = ", ".join(f"{key.replace('_', ' ')} {1e3 * size:.1f}" for key, size in ranked[:NAMED])
     cost_bw = FITTED_HIP_BW_PER_DEG * float(np.degrees(1.0 / SEGMENT_M)) * value if part == "residuals" else None
-    return told(part, name, grade(value, *limits), 1e3 * value, "mm", names=names, cost_bw=cost_bw)
+    return checked(part, name, grade(value, *limits), 1e3 * value, "mm", names=names, cost_bw=cost_bw)
 
 
 def gaps_filled(gaps: Sequence[Gap]) -> Check:
@@ -187,13 +196,13 @@ def gaps_filled(gaps: Sequence[Gap]) -> Check:
     longest = max(gaps, key=lambda gap: gap.end_s - gap.start_s, default=None)
     marks = [grade(gap.end_s - gap.start_s - 1e-9, *(BY_CLUSTER_S if gap.how.startswith("rigid cluster") else GAP_S))
              for gap in gaps]
-    return told("gaps_filled", "gaps filled", worst(marks), longest.end_s - longest.start_s if longest else 0.0, "s",
+    return checked("gaps_filled", "gaps filled", worst(marks), longest.end_s - longest.start_s if longest else 0.0, "s",
                 count=len(gaps), longest=longest)
 
 
 def leg_lengths(lengths_m: Mapping[str, float]) -> list[Check]:
     """Right against left, for every length that is known on both sides."""
-    found = []
+    checks = []
     for key, right in lengths_m.items():
         left = lengths_m.get(key.removesuffix("_right") + "_left") if key.endswith("_right") else None
         if left is None or key.startswith("ankle"):
@@ -202,9 +211,9 @@ def leg_lengths(lengths_m: Mapping[str, float]) -> list[Check]:
         mark = grade(value, *SAME_LENGTH)
         if not key.startswith("thigh"):  # below the knee a prosthesis may be as long as it likes
             mark = at_most(mark, "doubtful")
-        found.append(told("leg_lengths", f"{what}, left against right", mark, value, "1", what=what, right=right,
+        checks.append(checked("leg_lengths", f"{what}, left against right", mark, value, "1", what=what, right=right,
                           left=left))
-    return found
+    return checks
 
 
 def filtered_before(markers_m: Mapping[str, np.ndarray], rate_hz: float, *, cutoff_hz: float | None) -> Check | None:
@@ -222,7 +231,7 @@ def filtered_before(markers_m: Mapping[str, np.ndarray], rate_hz: float, *, cuto
         return None
     value = float(np.median(sizes))
     noisy, left_out = value > SMOOTH_M, cutoff_hz is None
-    return told("filtered_before", "filter applied before", "doubtful" if noisy == left_out else "good", 1e3 * value,
+    return checked("filtered_before", "filter applied before", "doubtful" if noisy == left_out else "good", 1e3 * value,
                 "mm", above_hz=above, noisy=noisy, left_out=left_out)
 
 

@@ -101,16 +101,16 @@ def _labels(c3d: _C3d, notes: list[str]) -> tuple[list[str], list[int]]:
 
 def _person(c3d: _C3d, notes: list[str]) -> dict[str, float]:
     """Body mass (kg) and stature (m) that Vicon's software writes, where somebody may weigh and measure so much."""
-    found = {}
+    facts = {}
     for name, key, factors, (low, high) in (("BODYMASS", "mass_kg", (1.0,), MASSES_KG),
                                             ("HEIGHT", "stature_m", (1e-3, 1e-2, 1.0), STATURES_M)):
         value = c3d.number(f"PROCESSING:{name}")
         fitting = [value * factor for factor in factors if low <= value * factor <= high] if value else []
         if fitting:
-            found[key] = fitting[0]
+            facts[key] = fitting[0]
         elif value:
             notes += say("files", "person", file=c3d.path.name, name=name, value=value)
-    return found
+    return facts
 
 
 # Force plates of types 1 to 4: a force and a torque about the centre of the plate's surface.
@@ -162,17 +162,17 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
     origin = _of_plate(c3d, "ORIGIN", i, 3) * length_m
     if kind == 4:
         matrices = np.atleast_3d(c3d.values("FORCE_PLATFORM:CAL_MATRIX"))
-        found = matrices.ndim == 3 and min(matrices.shape[:2]) >= 6 and matrices.shape[2] > i
-        notes += [] if found else say("files", "no_calibration", plate=i + 1)
-        for piece in pieces(len(raw) if found else 0, raw.shape[1]):
+        calibrated = matrices.ndim == 3 and min(matrices.shape[:2]) >= 6 and matrices.shape[2] > i
+        notes += [] if calibrated else say("files", "no_calibration", plate=i + 1)
+        for piece in pieces(len(raw) if calibrated else 0, raw.shape[1]):
             with np.errstate(invalid="ignore", over="ignore"):
                 raw[piece] = raw[piece] @ matrices[:6, :6, i].T
     if not (raw.max(initial=0.0) < LARGEST and raw.min(initial=0.0) > -LARGEST):
         raise InputError("an analog sample is not a believable number", file=c3d.path, where=f"force plate {i + 1}")
     stated = c3d.all_texts("ANALOG:UNITS")
     text = stated[channels[3]] if channels[3] < len(stated) else ""
-    found = length_factor(text) if kind == 1 else moment_factor(text)
-    unit = length_m if found is None or kind == 3 else found
+    factor = length_factor(text) if kind == 1 else moment_factor(text)
+    unit = length_m if factor is None or kind == 3 else factor
     half = np.abs((corners - centre) @ axes)[:, :2].max(axis=0)
     choices = [unit] + [other for other in (1.0, 1e-3) if not np.isclose(other, unit) and kind != 3]
     choice = next((choice for choice in choices if _on_plate(kind, raw, origin, choice, half)), unit)
@@ -289,7 +289,7 @@ class _C3d:
     def _read_parameters(self, section: bytes) -> dict[str, np.ndarray | list[str]]:
         """By "GROUP:NAME", arrays in Fortran order."""
         groups: dict[int, str] = {}
-        found: list[tuple[int, str, np.ndarray | list[str]]] = []
+        parameters: list[tuple[int, str, np.ndarray | list[str]]] = []
         at = 4
         for _ in range(MOST_RECORDS):
             if at + 2 > len(section) or section[at] == 0:
@@ -305,12 +305,12 @@ class _C3d:
             if group < 0:
                 groups[-group] = name
             else:
-                found.append((group, name, value))
+                parameters.append((group, name, value))
             step = int(self._integers(section[name_end:name_end + 2], signed=False)[0])
             if step == 0:
                 break
             at = name_end + step
-        return {f"{groups.get(group, group)}:{name}": value for group, name, value in found}
+        return {f"{groups.get(group, group)}:{name}": value for group, name, value in parameters}
 
     def _read_value(self, section: bytes, at: int) -> np.ndarray | list[str] | None:
         """The value of a parameter whose type byte is at `at`; None where it does not fit into the section."""

@@ -60,34 +60,35 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
     if rate is None:
         rate, start, doubts = even_rate(table.time_s, table.lines, path)
         notes += doubts
-    found = _find_plates(table.names)
-    if not found:
+    columns = _find_plates(table.names)
+    if not columns:
         raise InputError(f"has no force columns; its columns are {', '.join(table.names)[:300]}", file=path,
                          right="Name them as OpenSim does: ground_force_r_vx, ..., ground_force_r_px, ..., "
                                "ground_torque_r_x, ...")
-    used = {name for plate in found for name in (*plate.force, *plate.point, *plate.torque, plate.twist)}
+    used = {name for plate in columns for name in (*plate.force, *plate.point, *plate.torque, plate.twist)}
     unused = [name for name in table.names if name not in used]
     if unused:
         notes += say("files", "unused", file=path.name, names=unused)
-    plates = _in_metres(table, found, length_unit, notes)
-    opensim = all(plate.force[0].endswith("_vx") for plate in found)
-    z_up = any(re.fullmatch(r"f\d*_1", plate.force[0].lower()) for plate in found) or (suffix == ".csv" and not opensim)
+    plates = _in_metres(table, columns, length_unit, notes)
+    opensim = all(plate.force[0].endswith("_vx") for plate in columns)
+    from_c3d = any(re.fullmatch(r"f\d*_1", plate.force[0].lower()) for plate in columns)
+    z_up = from_c3d or (suffix == ".csv" and not opensim)
     return RawTrial(plates=plates, force_rate_hz=rate, force_start_s=start, up_convention=None if z_up else "+y",
                     notes=notes)
 
 
-def _in_metres(table: Storage, found: list[PlateColumns], wanted: str | None, notes: list[str]) -> list[RawPlate]:
+def _in_metres(table: Storage, columns: list[PlateColumns], wanted: str | None, notes: list[str]) -> list[RawPlate]:
     """The plates in the first unit that is believable: the user's, the stated one; refused if neither is."""
     convention = 1.0 if table.length_m is None else table.length_m
     units = [convention] if wanted is None else [wanted_length_factor(wanted), convention]
     for unit in units:
-        plates = [_read_load(table, plate, unit) for plate in found]
+        plates = [_read_load(table, plate, unit) for plate in columns]
         wrong = _wrong_unit(plates, unit)
         if wrong is None:
             if unit != convention or len(set(units)) > 1:
                 notes += say("files", "force_unit", file=table.path.name, unit=unit)
             return plates
-    row, name, far = wrong
+        row, name, far = wrong
     raise InputError(f"a centre of pressure {far:.4g} m from the origin is not believable", file=table.path,
                      where=f"line {table.lines[row]}, plate {name}",
                      right="Give laboratory.length_unit (--length-unit), perhaps mm")
@@ -127,20 +128,20 @@ def _find_plates(names: tuple[str, ...]) -> list[PlateColumns]:
     """The plates whose three force columns stand among the names, in the order of their first column."""
     lower = {name.lower(): name for name in names}
     for name in names:  # "plate 1.force_x" as "force_x_plate_1"
-        if found := re.fullmatch(r"(.+?)[_. ]((?:f|force_?|cop_?|p|m|moment_?|t|torque_?)[xyz])", name.lower()):
-            lower.setdefault("_".join((found[2], re.sub(r"\W", "_", found[1]))), name)
+        if match := re.fullmatch(r"(.+?)[_. ]((?:f|force_?|cop_?|p|m|moment_?|t|torque_?)[xyz])", name.lower()):
+            lower.setdefault("_".join((match[2], re.sub(r"\W", "_", match[1]))), name)
     plates: dict[str, PlateColumns | None] = {}
     for spelling, name in lower.items():
         if name in plates:
             continue
         if name.endswith("_vx") and {name[:-1] + "y", name[:-1] + "z"} <= set(names):
             plates[name] = opensim_columns(name[:-3], names)
-        elif found := re.fullmatch(r"f(\d*)_1", spelling):
-            plates[name] = _numbered(found.group(1), lower, "f{n}_{a}", ("p{n}_{a}",), ("m{n}_{a}", "t{n}_{a}"), "123")
-        elif found := re.fullmatch(r"(f|grf_?|force_?)x(_?)(\d*|(?<=_)\w+)", spelling):
-            plates[name] = _numbered(found[3], lower, found[1] + "{a}" + found[2] + "{n}", _POINTS, _TORQUES, "xyz")
-        elif found := re.fullmatch(r"f(\d+)(_?)x", spelling):
-            plates[name] = _numbered(found[1], lower, "f{n}" + found[2] + "{a}", _POINTS, _TORQUES, "xyz")
+        elif match := re.fullmatch(r"f(\d*)_1", spelling):
+            plates[name] = _numbered(match.group(1), lower, "f{n}_{a}", ("p{n}_{a}",), ("m{n}_{a}", "t{n}_{a}"), "123")
+        elif match := re.fullmatch(r"(f|grf_?|force_?)x(_?)(\d*|(?<=_)\w+)", spelling):
+            plates[name] = _numbered(match[3], lower, match[1] + "{a}" + match[2] + "{n}", _POINTS, _TORQUES, "xyz")
+        elif match := re.fullmatch(r"f(\d+)(_?)x", spelling):
+            plates[name] = _numbered(match[1], lower, "f{n}" + match[2] + "{a}", _POINTS, _TORQUES, "xyz")
     return [plate for name in names if (plate := plates.get(name)) is not None]
 
 
@@ -156,13 +157,15 @@ def opensim_columns(prefix: str, names: tuple[str, ...]) -> PlateColumns:
 
 def _numbered(n: str, lower: dict[str, str], force: str, points: tuple[str, ...], torques: tuple[str, ...],
               axes: str) -> PlateColumns | None:
-    def best(*patterns: str) -> tuple:
-        named = [tuple(lower.get(pattern.format(n=n, a=a)) for a in axes) for pattern in patterns]
-        return max(named, key=lambda found: sum(name is not None for name in found))
+    def best(*patterns: str) -> tuple[str | None, ...]:
+        spelled = [tuple(lower.get(pattern.format(n=n, a=a)) for a in axes) for pattern in patterns]
+        return max(spelled, key=lambda columns: sum(name is not None for name in columns))
 
-    forces, torque, twist = best(force), best(*torques), None
-    if None in forces:
+    forces = tuple(name for name in best(force) if name is not None)
+    if len(forces) < len(axes):
         return None
-    if sum(name is not None for name in torque) == 1 and axes == "xyz":
-        torque, twist = (None, None, None), next(name for name in torque if name is not None)
+    torque, twist = best(*torques), None
+    moments = [name for name in torque if name is not None]
+    if len(moments) == 1 and axes == "xyz":
+        torque, twist = (None, None, None), moments[0]
     return PlateColumns(n or "1", forces, best(*points), torque, twist)

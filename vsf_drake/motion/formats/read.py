@@ -149,10 +149,11 @@ def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str |
     notes += [note for one, other in combinations(plates, 2) if _overlap(one.corners_m, other.corners_m)
               for note in say("files", "overlap", one=one.name, other=other.name)]
     markers: dict[str, np.ndarray] = {}
-    for k, label in enumerate(trial.labels if trial.positions is not None else ()):
-        markers[label] = trial.positions[:, k]
-        turn(markers[label], rotation)
-        markers[label][:, 2] -= floor
+    if trial.positions is not None:
+        for label, path_W in zip(trial.labels, trial.positions.transpose(1, 0, 2), strict=True):
+            turn(path_W, rotation)
+            path_W[:, 2] -= floor
+            markers[label] = path_W
     return Recording(path, markers, None if trial.positions is None else trial.marker_rate_hz, tuple(plates),
                      trial.force_rate_hz if with_plates else None, trial.marker_start_s,
                      (trial.force_start_s or 0.0) if with_plates else 0.0, force_path, rotation, tuple(notes),
@@ -170,7 +171,7 @@ def _axis_vector(text: str, where: str) -> np.ndarray:
     if len(plain) != 1 or plain not in AXES:
         raise InputError(f"{text!r} is no axis", where=where,
                          right="Use x, y or z, with - in front where it points back")
-    return sign * np.eye(3)[AXES.index(plain)]
+    return np.asarray(sign * np.eye(3)[AXES.index(plain)])
 
 
 def axis_name(vector: np.ndarray) -> str:
@@ -196,7 +197,8 @@ def _vertical(trial: RawTrial, path: Path) -> np.ndarray:
     """As the file states it, else normal to the plates, else by the format's convention."""
     normals = np.abs([_normal(p.corners) for p in trial.plates if p.corners is not None]).reshape(-1, 3)
     axis = int(np.argmax(normals.sum(axis=0)))
-    normal = np.eye(3)[axis] if len(normals) and (normals[:, axis] > LEVEL).all() else None
+    level = len(normals) > 0 and bool((normals[:, axis] > LEVEL).all())
+    normal = np.asarray(np.eye(3)[axis]) if level else None
     if trial.up is not None:
         stated = _axis_vector(trial.up, "Y_SCREEN")
         if normal is None or abs(stated @ normal) > LEVEL:
@@ -211,7 +213,7 @@ def _vertical(trial: RawTrial, path: Path) -> np.ndarray:
 
 def _normal(corners: np.ndarray) -> np.ndarray:
     normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
-    return normal / np.linalg.norm(normal)
+    return np.asarray(normal / np.linalg.norm(normal))
 
 
 def _extents(positions: np.ndarray) -> np.ndarray:
@@ -244,7 +246,7 @@ def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
 
     The markers' travel is the median of their own from their first to their last place, gaps left out.
     """
-    own = np.eye(3)[0] if abs(vertical[0]) < 0.5 else np.eye(3)[1]
+    own = np.asarray(np.eye(3)[0 if abs(vertical[0]) < 0.5 else 1])
     if trial.positions is None:
         return own
     travels = []
@@ -256,7 +258,7 @@ def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
     way = way - (way @ vertical) * vertical
     i = int(np.argmax(np.abs(way)))
     walks = np.linalg.norm(way) > TRAVEL_M
-    ahead = np.sign(way[i]) * np.eye(3)[i] if walks else own
+    ahead = np.asarray(np.sign(way[i]) * np.eye(3)[i]) if walks else own
     trial.notes += say("files", "forward", axis=axis_name(ahead), travel_m=abs(way[i]) if walks else None)
     return ahead
 

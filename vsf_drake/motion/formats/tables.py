@@ -203,8 +203,8 @@ def read_csv(path: Path) -> Storage:
     labels, separator, number = _csv_labels(lines, path)
     units = [""] * len(labels)
     for i, label in enumerate(labels):
-        if found := _UNIT.match(label):
-            labels[i], units[i] = found.group(1).strip(), found.group(2)
+        if match := _UNIT.match(label):
+            labels[i], units[i] = match.group(1).strip(), match.group(2)
     if "" in labels:
         raise InputError(f"column {labels.index('') + 1} has no label", file=path, where=f"line {number}")
     first = next((pair for pair in lines if pair[1].strip(separator + " ")), None)

@@ -41,11 +41,11 @@ def first_of_each(labels: Sequence[str], notes: list[str], empty: Callable[[int]
     places: dict[str, list[int]] = {}
     for i, label in enumerate(labels):
         places.setdefault(label, []).append(i)
-    kept = {label: found[0] if len(found) == 1 else next((i for i in found if not empty(i)), found[0])
-            for label, found in places.items()}
-    notes += [note for label, found in places.items() if len(found) > 1 for note in say(
-        "files", "doubled", what=what, label=label, times=len(found), column=kept[label] + 1, columns=len(labels))]
-    return sorted(kept.values())
+    chosen = {label: columns[0] if len(columns) == 1 else next((i for i in columns if not empty(i)), columns[0])
+            for label, columns in places.items()}
+    notes += [note for label, columns in places.items() if len(columns) > 1 for note in say(
+        "files", "doubled", what=what, label=label, times=len(columns), column=chosen[label] + 1, columns=len(labels))]
+    return sorted(chosen.values())
 
 
 # Units that laboratory files state, as factors to SI.
@@ -62,8 +62,8 @@ def length_factor(unit: str) -> float | None:
 
 def moment_factor(unit: str) -> float | None:
     """N m in a unit such as "Nmm", "N.m", "N*mm" or "N-m"; None for anything else."""
-    found = re.fullmatch(r"n(?:ewton)?\s*[.*·\-\s]?\s*(\w+)", unit.strip().lower().strip("[]()\0 "))
-    return length_factor(found.group(1)) if found else None
+    match = re.fullmatch(r"n(?:ewton)?\s*[.*·\-\s]?\s*(\w+)", unit.strip().lower().strip("[]()\0 "))
+    return length_factor(match.group(1)) if match else None
 
 
 def wanted_length_factor(wanted: str) -> float:
@@ -160,8 +160,8 @@ def even_clock(time_s: np.ndarray, *, jitter_s: float = 0.0) -> EvenClock | None
             first, last = time_s - half - index * step, time_s + half - index * step
             i, j = int(np.argmax(first)), int(np.argmin(last))
             if first[i] <= last[j]:
-                kept = first[i] <= time_s[0] <= last[j]
-                start = time_s[0] if kept else 0.5 * (first[i] + last[j])
+                fits = first[i] <= time_s[0] <= last[j]
+                start = time_s[0] if fits else 0.5 * (first[i] + last[j])
                 return EvenClock(float(start), float(step), float(np.max(unit)))
             if first[i] - last[j] > (i - j) * ((most if i > j else least) - step):
                 break

@@ -95,7 +95,7 @@ def calibrate(
     unloaded = dataclasses.replace(subject, prosthesis_length_m=float(subject.prosthesis_length_m or 0.0) + more)
 
     used = {label for segment in segments.values() for label in segment.labels}
-    hidden = [label for labels in posture.found.segments.values() for label in labels if label not in used]
+    hidden = [label for labels in posture.labelled.segments.values() for label in labels if label not in used]
     pairs = [(name.replace("_", " "), 1e3 * lengths[f"{name}_right"], 1e3 * lengths[f"{name}_left"])
              for name in ("thigh", "shank", "ankle_height", "foot")]
     notes = [*(note for note in standing.notes if note == NOTE), *posture.notes,
@@ -114,7 +114,7 @@ def calibrate(
 def _segment(name: str, posture: Posture, anatomy: Anatomy) -> SegmentMarkers:
     R, p = anatomy.R_W[name], anatomy.p_W[name]
     local = {label: _average(posture.points[label] - p, R)
-             for label in posture.found.segments[name] if label in posture.points}
+             for label in posture.labelled.segments[name] if label in posture.points}
     labels = tuple(label for label, p_BM in local.items() if np.isfinite(p_BM).all())
     parent = PARENTS[name]
     p_PB = np.zeros(3) if parent is None else _average(p - anatomy.p_W[parent], anatomy.R_W[parent])
@@ -158,7 +158,7 @@ def _foot_points(side: str, segment: SegmentMarkers, posture: Posture, anatomy: 
     """
     places = dict(zip(segment.labels, segment.p_BM, strict=True))
     at = {role: places[label] for role in ("heel", "toe_tip", *BALL_RATIO)
-          if (label := posture.found.roles.get(f"{role}_{side}")) in places}
+          if (label := posture.labelled.roles.get(f"{role}_{side}")) in places}
     rear = at["heel"][0] + 1e-3 * (person.marker_radius_mm + person.base_plate_mm)
     if "toe_tip" in at:
         length = at["toe_tip"][0] - rear
@@ -221,13 +221,13 @@ def _check_labels(posture: Posture, file: str | Path) -> None:
 
     Forward is from the back of the pelvis to the ASIS, up is up, left follows.
     """
-    points, found, needed = posture.points, posture.found, posture.needed
+    points, labelled, needed = posture.points, posture.labelled, posture.needed
 
     def refuse(what: str, *roles: str, labels: Sequence[str] = (), right: str = _RIGHT) -> NoReturn:
-        named = [found.roles[role] for role in roles if role in found.roles]
+        named = [labelled.roles[role] for role in roles if role in labelled.roles]
         raise InputError(what, file=file, where=f"markers {', '.join((*named, *labels))}", right=right)
 
-    for a, b in combinations([label for label in dict.fromkeys(found.roles.values()) if label in points], 2):
+    for a, b in combinations([label for label in dict.fromkeys(labelled.roles.values()) if label in points], 2):
         apart = np.linalg.norm(points[a] - points[b], axis=1)
         apart = apart[np.isfinite(apart)]
         if len(apart) and np.median(apart) < SAME_PLACE_M:
@@ -243,7 +243,7 @@ def _check_labels(posture: Posture, file: str | Path) -> None:
         a, b = posture.at(low), posture.at(high)
         return a is None or b is None or not typical(b - a, way) < 0
 
-    names = [role.removesuffix("_right") for role in found.roles if role.endswith("_right")]
+    names = [role.removesuffix("_right") for role in labelled.roles if role.endswith("_right")]
     wrong = [name for name in names if not ordered(f"{name}_right", f"{name}_left", left)]
     if wrong:
         refuse("left and right seem exchanged", *(f"{name}_{side}" for name in wrong for side in SIDES))
@@ -279,7 +279,7 @@ def _check_pelvis(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
 def _check_facing(posture: Posture, forward: np.ndarray, refuse: Callable[..., NoReturn]) -> None:
     heel = {side: posture.needed(f"heel_{side}") for side in SIDES}
     fore = {side: posture.forefoot(side) for side in SIDES}
-    toes = {side: forefoot_labels(posture.found, side) for side in SIDES}
+    toes = {side: forefoot_labels(posture.labelled, side) for side in SIDES}
     backwards = [side for side in SIDES if typical(fore[side] - heel[side], forward) < 0]
     if len(backwards) == len(SIDES):
         refuse("both feet point backwards: front and back of the pelvis seem exchanged (or heel and toe of both feet)",
@@ -298,15 +298,15 @@ def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
     """Every marker of a thigh or shank is nearest to its own, all four taken as straight lines."""
     ends = {f"{segment}_{side}": (f"{upper}_{side}", f"{lower}_{side}") for side in SIDES for segment, upper, lower
             in (("thigh", "asis", "knee_lateral"), ("shank", "knee_lateral", "ankle_lateral"))}
-    for segment, own in ends.items():
-        for label in posture.found.segments[segment]:
+    for segment, span in ends.items():
+        for label in posture.labelled.segments[segment]:
             away = {name: float(np.nanmedian(_distance(posture.points[label], *map(posture.needed, line))))
                     for name, line in ends.items()} if label in posture.points else {segment: 0.0}
             nearest = min(away, key=lambda name: away[name])
             if away[segment] > away[nearest] + ASTRAY_M:
                 refuse(f"{label} lies {1e3 * away[nearest]:.0f} mm from the {_words(nearest)} and "
                        f"{1e3 * away[segment]:.0f} mm from the {_words(segment)} to which the map gives it",
-                       labels=list(dict.fromkeys((label, *(posture.found.roles[role] for role in own)))),
+                       labels=list(dict.fromkeys((label, *(posture.labelled.roles[role] for role in span)))),
                        right=f"Check {label} and the markers that span this segment")
 
 
@@ -315,7 +315,7 @@ def _check_proportions(lengths_m: dict[str, float], posture: Posture, file: str 
     for side in SIDES:
         thigh, shank = lengths_m[f"thigh_{side}"], lengths_m[f"shank_{side}"]
         if not LEAST_RATIO * shank < thigh < MOST_RATIO * shank:
-            labels = [posture.found.roles[f"{role}_{side}"] for role in ("asis", "knee_lateral", "ankle_lateral")]
+            labels = [posture.labelled.roles[f"{role}_{side}"] for role in ("asis", "knee_lateral", "ankle_lateral")]
             raise InputError(f"the {side} thigh of {1e3 * thigh:.0f} mm and the shank of {1e3 * shank:.0f} mm belong "
                              "to nobody", file=file, where=f"markers {', '.join(labels)}", right=_RIGHT)
 
@@ -327,4 +327,4 @@ def _words(role: str) -> str:
 
 def _distance(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     part = np.clip(np.sum((point - a) * (b - a), axis=1) / np.sum((b - a) ** 2, axis=1), 0.0, 1.0)
-    return np.linalg.norm(point - a - part[:, None] * (b - a), axis=1)
+    return np.asarray(np.linalg.norm(point - a - part[:, None] * (b - a), axis=1))

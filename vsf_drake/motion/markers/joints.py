@@ -66,7 +66,7 @@ class _Builder:
     """Goes down from pelvis to feet, keeping what it decided."""
 
     def __init__(self, posture: Posture, person: PersonFacts) -> None:
-        self.posture, self.found, self.person = posture, posture.found, person
+        self.posture, self.labelled, self.person = posture, posture.labelled, person
         self.at, self.needed = posture.at, posture.needed
         self.R: dict[str, np.ndarray] = {}
         self.p: dict[str, np.ndarray] = {}
@@ -114,7 +114,7 @@ class _Builder:
         hinge = self.hinge(side, left * sideways) if alone else None
         width, source = joint_width_m(self.person, name)
         self.method += say("markers", name, side=side, width=source, medial=medial is not None,
-                           plane=plane is not None and self.found.roles[role], hinge=hinge is not None)
+                           plane=plane is not None and self.labelled.roles[role], hinge=hinge is not None)
         if medial is not None:
             return 0.5 * (lateral + medial), left * (medial - lateral)
         distance = 0.5 * width + 1e-3 * self.person.marker_radius_mm
@@ -138,11 +138,11 @@ class _Builder:
         along = float(np.nanmedian(np.sum(axis * medially, axis=-1)))
         if abs(along) < np.cos(ODD_HINGE_RAD):
             self.notes += say("markers", "odd_hinge", side=side, degrees=np.degrees(np.arccos(abs(along))))
-        return axis * np.sign(along)
+        return np.asarray(axis * np.sign(along))
 
     def cluster(self, segment: str) -> np.ndarray | None:
         """(n, 3, 3) orientation of a segment's markers against their mean shape; None with fewer than three."""
-        labels = [m for m in self.found.segments[segment] if m in self.posture.points]
+        labels = [m for m in self.labelled.segments[segment] if m in self.posture.points]
         if len(labels) < FEWEST_MARKERS:
             return None
         x = np.stack([self.posture.points[label] for label in labels], axis=1)
@@ -150,7 +150,7 @@ class _Builder:
         if not len(whole):
             return None
         poses = rigid_poses(mean_shape(whole[0] - whole[0].mean(axis=0), x), x)
-        return poses.R_WB if poses.found.any() else None
+        return poses.R_WB if poses.known.any() else None
 
 
 # Joint centres from surface markers. Points are (..., 3) in m.
@@ -214,7 +214,7 @@ def chord(proximal: np.ndarray, lateral: np.ndarray, plane: np.ndarray, medially
     cosine = distance / length
     with np.errstate(invalid="ignore"):
         sine = np.sqrt(1 - cosine**2)
-    return lateral + distance * (cosine * u + sine * w)
+    return np.asarray(lateral + distance * (cosine * u + sine * w))
 
 
 def beside(proximal: np.ndarray, lateral: np.ndarray, axis_medially: np.ndarray, distance: float) -> np.ndarray:
@@ -261,12 +261,12 @@ def pelvis_frame(asis_right: np.ndarray, asis_left: np.ndarray, back: np.ndarray
 
 
 def _reject(vector: np.ndarray, unit: np.ndarray) -> np.ndarray:
-    return vector - np.sum(vector * unit, axis=-1, keepdims=True) * unit
+    return np.asarray(vector - np.sum(vector * unit, axis=-1, keepdims=True) * unit)
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore", divide="ignore"):
-        return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
+        return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))
 
 
 # Joint coordinates of the model from the orientations of its segments, and back.

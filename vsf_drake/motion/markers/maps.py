@@ -140,7 +140,7 @@ class MarkerMap:
         names = [" or ".join(role.replace("_", " ") for role in group) for group in missing]
         spellings = [s for group in missing for role in group for s in self.roles.get(role, ())]
         near = {s: difflib.get_close_matches(s, labels, n=2, cutoff=0.6) for s in spellings}
-        hints = [f"{s} (like {', '.join(found)})" for s, found in near.items() if found]
+        hints = [f"{s} (like {', '.join(alike)})" for s, alike in near.items() if alike]
         sought = ", ".join(hints or spellings) or "no label, for the map names none"
         raise InputError(f"no marker for {'; '.join(names)}", file=file, where=f"marker map {self.path}",
                          right=f"Labels in the file: {listed(labels)}. Sought: {sought}. "
@@ -228,8 +228,8 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
                          file=recording.path, where=where,
                          right="Write a map: `vsf-drake import --list-markers` starts one from the file's own labels")
     most = max(known for known, _, _ in fitting)
-    best = [(marker_map, found) for known, marker_map, found in fitting if known == most]
-    if any(found != best[0][1] for _, found in best):
+    best = [(marker_map, markers) for known, marker_map, markers in fitting if known == most]
+    if any(markers != best[0][1] for _, markers in best):
         raise InputError(f"the marker maps {' and '.join(m.name for m, _ in best)} fit equally well",
                          file=recording.path, where=where, right="Say which one")
     return best[0][0], say("markers", "chosen_map", name=best[0][0].name, known=most, labels=len(recording.markers))
@@ -263,10 +263,11 @@ def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> st
         for role in ROLES.get(block, ROLES["side"]):
             sure = [label for label in labels if known.get(label) == (block, role)]
             maybe = [label for label in labels if guessed.get(label) == (block, role)]
-            leg = legs.get(block) if role in _PLACES else None
-            if leg is not None:
-                sure, maybe = (sorted(found, key=lambda label: -_score(leg, role, label)) for found in (sure, maybe))
-            text.append(_line(role, sure, maybe, placed=leg is not None))
+            placed = role in _PLACES and block in legs
+            if placed:
+                sure.sort(key=lambda label: -_score(legs[block], role, label))
+                maybe.sort(key=lambda label: -_score(legs[block], role, label))
+            text.append(_line(role, sure, maybe, placed=placed))
     unused = [label for label in labels if label not in known and label not in guessed]
     if unused:
         text += ["# Labels without a role:", *(f"#   {label}" for label in unused)]
@@ -291,9 +292,9 @@ def _legs(recording: Recording | None, roles: Mapping[str, tuple[str, str]]) -> 
     places = {label: place for label, place in zip(labels, middle, strict=True) if np.isfinite(place).all()}
 
     def mean(side: str, *wanted: str) -> np.ndarray:
-        found = [place for label, place in places.items() if label in roles and roles[label][0] == side
+        seen = [place for label, place in places.items() if label in roles and roles[label][0] == side
                  and (not wanted or roles[label][1] in wanted)]
-        return np.mean(found, axis=0) if found else np.full(3, np.nan)
+        return np.mean(seen, axis=0) if seen else np.full(3, np.nan)
 
     legs = {}
     for side, other in (SIDES, SIDES[::-1]):
@@ -348,9 +349,9 @@ def _guess(label: str) -> tuple[str, str] | None:
     for side in SIDES:
         for mark in (side, side[0]):
             rests = [rest for rest in (word.removeprefix(mark), word.removesuffix(mark)) if rest != word]
-            role = next(filter(None, map(_role, rests)), None)
-            if role is not None:
-                return ("middle", role) if role in MIDDLE_CLUSTERS else (side, role)
+            likely = next(filter(None, map(_role, rests)), None)
+            if likely is not None:
+                return ("middle", likely) if likely in MIDDLE_CLUSTERS else (side, likely)
     return None
 
 

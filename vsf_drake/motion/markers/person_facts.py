@@ -68,17 +68,17 @@ def with_files(person: PersonFacts, *recordings: Recording | None) -> tuple[Pers
     """The person with mass and stature as the files state them, the first that does, where nobody else states them."""
     notes = []
     for key, words, unit in (("mass_kg", "body mass", "kg"), ("stature_m", "stature", "m")):
-        found = {one.path.name: one.person[key] for one in recordings if one is not None and key in one.person}
-        if not found:
+        by_file = {one.path.name: one.person[key] for one in recordings if one is not None and key in one.person}
+        if not by_file:
             continue
-        own, (file, value) = getattr(person, key), next(iter(found.items()))
-        if own is None:
+        stated, (file, value) = getattr(person, key), next(iter(by_file.items()))
+        if stated is None:
             person = dataclasses.replace(person, **{key: value})  # type: ignore[arg-type]
             notes += say("markers", "file_states", words=words, value=value, unit=unit, file=file)
         taken = getattr(person, key)
-        notes += [note for other, value in found.items() if abs(value / taken - 1.0) > FILES_APART for note in say(
+        notes += [note for other, value in by_file.items() if abs(value / taken - 1.0) > FILES_APART for note in say(
             "markers", "file_differs", file=other, words=words, value=value, unit=unit, taken=taken,
-            stated=own is not None)]
+            stated=stated is not None)]
     return person, notes
 
 
@@ -118,9 +118,9 @@ def stature(person: PersonFacts, leg_length_m: float, head_height_m: float | Non
     if person.stature_m is not None:
         return person.stature_m, []
     head = head_height_m is not None and bool(np.isfinite(head_height_m))
-    found = ((head_height_m or 0.0) - 1e-3 * (person.marker_radius_mm + person.base_plate_mm) if head else
+    height = ((head_height_m or 0.0) - 1e-3 * (person.marker_radius_mm + person.base_plate_mm) if head else
              leg_length_m / LEG_TO_STATURE[str(person.sex)])
-    if not LEAST_STATURE_M <= found <= MOST_STATURE_M:
-        raise InputError(f"the markers make a stature of {found:.2f} m", where="stature_m (--stature-m)",
+    if not LEAST_STATURE_M <= height <= MOST_STATURE_M:
+        raise InputError(f"the markers make a stature of {height:.2f} m", where="stature_m (--stature-m)",
                          right="State it, or check the unit of the markers' file")
-    return found, say("markers", "stature", m=found, head=head)
+    return height, say("markers", "stature", m=height, head=head)

@@ -39,7 +39,7 @@ HIGHEST_FOOT_MARKER_M, LOWEST_FOOT_MARKER_M = 0.15, -0.02
 class Posture:
     """Where markers are, from which anatomical frames are made."""
 
-    found: FoundMarkers  # what the labels are
+    labelled: FoundMarkers  # what the labels are
     points: dict[str, np.ndarray]  # (n, 3) m by label; n = 1, the mean, if `still`, else all of a walk, NaN if unseen
     still: bool  # whether the person stood
     foot_flat: dict[str, np.ndarray]  # (n,) bool by side
@@ -49,11 +49,11 @@ class Posture:
 
     def at(self, role: str) -> np.ndarray | None:
         """(n, 3) of the marker with this role, None without one."""
-        return self.points.get(self.found.roles.get(role, ""))
+        return self.points.get(self.labelled.roles.get(role, ""))
 
     def needed(self, role: str) -> np.ndarray:
         """(n, 3) of the marker with a role that every map must have."""
-        return self.points[self.found.roles[role]]
+        return self.points[self.labelled.roles[role]]
 
     def pelvis_back(self) -> np.ndarray:
         """(n, 3) midway between the PSIS, or the sacrum's marker without them."""
@@ -61,21 +61,22 @@ class Posture:
         return self.needed("sacrum") if right is None or left is None else 0.5 * (right + left)
 
     def forefoot(self, side: str) -> np.ndarray:
-        return np.mean([self.points[label] for label in forefoot_labels(self.found, side)], axis=0)
+        """(n, 3), the mean of the markers to which the foot points."""
+        return np.asarray(np.mean([self.points[label] for label in forefoot_labels(self.labelled, side)], axis=0))
 
 
-def forefoot_labels(found: FoundMarkers, side: str) -> tuple[str, ...]:
+def forefoot_labels(labelled: FoundMarkers, side: str) -> tuple[str, ...]:
     """The markers whose mean the foot points to: second metatarsal head, else first and fifth, else toe tip."""
     choices = (("toe",), ("met1", "met5"), ("toe_tip",))
-    roles = next(roles for roles in choices if all(f"{role}_{side}" in found.roles for role in roles))
-    return tuple(found.roles[f"{role}_{side}"] for role in roles)
+    roles = next(roles for roles in choices if all(f"{role}_{side}" in labelled.roles for role in roles))
+    return tuple(labelled.roles[f"{role}_{side}"] for role in roles)
 
 
-def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
+def find_posture(recording: Recording, labelled: FoundMarkers) -> Posture:
     """The quietest `QUIET_S` of the recording, averaged; or the whole of it if it is a walk; feet on the floor z = 0.
     """
-    labels = list(dict.fromkeys((*found.roles.values(), *(m for s in found.segments.values() for m in s))))
-    needed = {label for role, label in found.roles.items() if not role.startswith(NOT_NEEDED)}
+    labels = list(dict.fromkeys((*labelled.roles.values(), *(m for s in labelled.segments.values() for m in s))))
+    needed = {label for role, label in labelled.roles.items() if not role.startswith(NOT_NEEDED)}
     x = np.stack([recording.markers[label] for label in labels], axis=1)
     rate = recording.marker_rate_hz or 1.0
     width = max(1, min(len(x), round(QUIET_S * rate)))
@@ -85,12 +86,12 @@ def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
     if moved[worst] <= STILL_M:
         mean, seen = _mean(x[start:start + width])
         points = {label: mean[None, k] for k, label in enumerate(labels) if seen[k] >= SEEN_PART}
-        posture = Posture(found, points, True, {side: np.array([True]) for side in SIDES}, float(time[start]),
+        posture = Posture(labelled, points, True, {side: np.array([True]) for side in SIDES}, float(time[start]),
                           float(time[start + width - 1]))
-    elif _steps(recording, found) > STEPPING_M:
+    elif _steps(recording, labelled) > STEPPING_M:
         points = {label: x[:, k] for k, label in enumerate(labels)}
-        flat = {side: _foot_flat(points, found, side, recording) for side in SIDES}
-        posture = Posture(found, points, False, flat, float(time[0]), float(time[-1]),
+        flat = {side: _foot_flat(points, labelled, side, recording) for side in SIDES}
+        posture = Posture(labelled, points, False, flat, float(time[0]), float(time[-1]),
                           tuple(say("markers", "walk_for_standing")))
     else:
         raise InputError(
@@ -98,7 +99,7 @@ def find_posture(recording: Recording, found: FoundMarkers) -> Posture:
             file=recording.path, where=f"marker {labels[worst]}, from {time[start]:.2f} s",
             right=f"A standing trial needs {QUIET_S:g} s in which no marker moves more than {1e3 * STILL_M:.0f} mm RMS")
     for side in SIDES:
-        for label in (found.roles[f"heel_{side}"], *forefoot_labels(found, side)):
+        for label in (labelled.roles[f"heel_{side}"], *forefoot_labels(labelled, side)):
             height = float(np.nanmean(posture.points[label][posture.foot_flat[side], 2]))
             if not LOWEST_FOOT_MARKER_M <= height <= HIGHEST_FOOT_MARKER_M:
                 raise InputError(f"is {height:.3f} m above the floor while the foot is flat on it", file=recording.path,
@@ -115,7 +116,7 @@ def _quietest(x: np.ndarray, width: int, needed: np.ndarray, labels: list[str], 
 
     def window_sum(values: np.ndarray) -> np.ndarray:
         total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
-        return total[width:] - total[:-width]
+        return np.asarray(total[width:] - total[:-width])
 
     count = window_sum(seen.astype(float))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -140,19 +141,19 @@ def _mean(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.where(seen[..., None], x, 0.0).sum(axis=0) / count[:, None], count / len(x)
 
 
-def _steps(recording: Recording, found: FoundMarkers) -> float:
+def _steps(recording: Recording, labelled: FoundMarkers) -> float:
     """How far the heels travel horizontally against the pelvis (m), the lesser of the two."""
-    at = {role: recording.markers[label][:, :2] for role, label in found.roles.items()}
+    at = {role: recording.markers[label][:, :2] for role, label in labelled.roles.items()}
     away = [at[f"heel_{side}"] - 0.5 * (at["asis_right"] + at["asis_left"]) for side in SIDES]
     seen = [path[np.isfinite(path).all(axis=1)] for path in away]
     return min(float(np.max(np.ptp(path, axis=0))) if len(path) else 0.0 for path in seen)
 
 
-def _foot_flat(points: dict[str, np.ndarray], found: FoundMarkers, side: str, recording: Recording) -> np.ndarray:
+def _foot_flat(points: dict[str, np.ndarray], labelled: FoundMarkers, side: str, recording: Recording) -> np.ndarray:
     """Frames in which heel and forefoot are both low and neither rises nor sinks; some show pelvis and all of the leg.
     """
-    heights = [points[found.roles[f"heel_{side}"]][:, 2],
-               np.mean([points[label][:, 2] for label in forefoot_labels(found, side)], axis=0)]
+    heights = [points[labelled.roles[f"heel_{side}"]][:, 2],
+               np.mean([points[label][:, 2] for label in forefoot_labels(labelled, side)], axis=0)]
     hz = recording.marker_rate_hz or 1.0
     lag = max(1, round(LAG_S * hz))
     quiet = np.ones(len(heights[0]), dtype=bool)
@@ -168,7 +169,7 @@ def _foot_flat(points: dict[str, np.ndarray], found: FoundMarkers, side: str, re
                          where=f"{side} foot", right="Calibrate from a standing trial or a longer walk")
     flat = quiet & np.all([np.abs(z - np.median(z[quiet])) <= FLAT_M for z in heights], axis=0)
     flat = flat if flat.any() else quiet
-    leg = [label for role, label in found.roles.items() if not role.startswith(NOT_NEEDED)
+    leg = [label for role, label in labelled.roles.items() if not role.startswith(NOT_NEEDED)
            and (role.startswith(("asis", "psis", "sacrum")) or role.endswith(side))]
     seen = np.stack([np.isfinite(points[label]).all(axis=1) & flat for label in leg])
     if not seen.all(axis=0).any():
@@ -346,7 +347,7 @@ def facing(front: np.ndarray, back: np.ndarray) -> np.ndarray:
     """(n, 3) horizontal unit vectors from the back of the pelvis to its front."""
     forward = (front - back) * [1.0, 1.0, 0.0]
     with np.errstate(invalid="ignore", divide="ignore"):
-        return forward / np.linalg.norm(forward, axis=1, keepdims=True)
+        return np.asarray(forward / np.linalg.norm(forward, axis=1, keepdims=True))
 
 
 def typical(vector: np.ndarray, along: np.ndarray) -> float:
@@ -358,8 +359,8 @@ def typical(vector: np.ndarray, along: np.ndarray) -> float:
 
 def _points(recording: Recording, marker_map: MarkerMap) -> dict[str, np.ndarray]:
     """(n, 3) m by role, of the roles that the recording has a marker for; and the middles "asis" and "psis"."""
-    found = {role: next((s for s in spellings if s in recording.markers), None)
+    labels = {role: next((s for s in spellings if s in recording.markers), None)
              for role, spellings in marker_map.roles.items()}
-    points = {role: recording.markers[label] for role, label in found.items() if label is not None}
+    points = {role: recording.markers[label] for role, label in labels.items() if label is not None}
     return points | {role: 0.5 * (points[f"{role}_right"] + points[f"{role}_left"]) for role in ("asis", "psis")
                      if {f"{role}_{side}" for side in SIDES} <= {*points}}

@@ -121,7 +121,7 @@ class RigidPoses:
     R_WB: np.ndarray  # (n, 3, 3)
     p_WB: np.ndarray  # (n, 3) m
     residual_m: np.ndarray  # (n, k) m, distance of each marker from where the pose puts it; NaN where it was not seen
-    found: np.ndarray  # (n,) bool, False where the pose is NaN
+    known: np.ndarray  # (n,) bool, False where the pose is NaN
 
     def points(self, p_BQ: np.ndarray) -> np.ndarray:
         """(n, 3) m in W: the point `p_BQ`, (3,) m in B."""
@@ -131,21 +131,21 @@ class RigidPoses:
 def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray) -> RigidPoses:
     """The pose of the segment in each of n frames, from markers `p_BM` (k, 3) m as seen in `p_WM` (n, k, 3) m.
 
-    NaN, and `found` False, where fewer than three of them are seen (not NaN), or these lie on one line.
+    NaN, and `known` False, where fewer than three of them are seen (not NaN), or these lie on one line.
     """
     seen = np.isfinite(p_WM).all(axis=2)
     w, x = seen.astype(float), np.where(seen[:, :, None], p_WM, 0.0)
     total = np.maximum(w.sum(axis=1), np.finfo(float).tiny)[:, None]
     mean_B, mean_W = w @ p_BM / total, np.einsum("nk,nki->ni", w, x) / total
     from_mean_B, from_mean_W = p_BM - mean_B[:, None, :], x - mean_W[:, None, :]
-    found = (seen.sum(axis=1) >= FEWEST_MARKERS) & (_width(from_mean_B, w) > LEAST_WIDTH_M)
+    known = (seen.sum(axis=1) >= FEWEST_MARKERS) & (_width(from_mean_B, w) > LEAST_WIDTH_M)
     U, _, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", w, from_mean_W, from_mean_B))
     U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
     R_WB = U @ Vt
     p_WB = mean_W - np.einsum("nij,nj->ni", R_WB, mean_B)
-    R_WB[~found], p_WB[~found] = np.nan, np.nan
+    R_WB[~known], p_WB[~known] = np.nan, np.nan
     residual = np.linalg.norm(p_BM @ R_WB.transpose(0, 2, 1) + p_WB[:, None, :] - p_WM, axis=2)
-    return RigidPoses(R_WB=R_WB, p_WB=p_WB, residual_m=np.where(seen, residual, np.nan), found=found)
+    return RigidPoses(R_WB=R_WB, p_WB=p_WB, residual_m=np.where(seen, residual, np.nan), known=known)
 
 
 def mean_shape(shape: np.ndarray, p_WM: np.ndarray) -> np.ndarray:
@@ -157,7 +157,7 @@ def mean_shape(shape: np.ndarray, p_WM: np.ndarray) -> np.ndarray:
     """
     for _ in range(2):
         poses = rigid_poses(shape, p_WM)
-        if not poses.found.any():
+        if not poses.known.any():
             break
         shape = np.nanmean((p_WM - poses.p_WB[:, None, :]) @ poses.R_WB, axis=0)
     return shape

@@ -111,7 +111,8 @@ def _rms(*errors: np.ndarray) -> np.ndarray:
 
 def _joint_gaps(name: str, segment: SegmentMarkers, poses: Mapping[str, RigidPoses]) -> np.ndarray:
     """(n,) m, distance of a segment's origin from where its parent has it."""
-    return np.linalg.norm(poses[name].p_WB - poses[str(PARENTS[name])].points(segment.p_PB), axis=1)
+    apart = poses[name].p_WB - poses[str(PARENTS[name])].points(segment.p_PB)
+    return np.asarray(np.linalg.norm(apart, axis=1))
 
 
 def _residual_rms(segment: SegmentMarkers, filled: FilledMarkers, poses: RigidPoses) -> dict[str, float]:
@@ -185,9 +186,9 @@ def _check_places(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> Non
         raise InputError(f"markers of the {words} are not at their places in the standing trial (mm RMS: {shown}), "
                          "and no single one of them, nor an exchange, explains it", file=filled.path,
                          right="Check all labels of this segment in both files")
-    own = _residual_rms(segments[name], filled, poses[name])[label]
+    distance = _residual_rms(segments[name], filled, poses[name])[label]
     raise InputError(
-        f"marker {label} is {1e3 * own:.0f} mm (RMS) from its place on the {words} in the standing trial, and "
+        f"marker {label} is {1e3 * distance:.0f} mm (RMS) from its place on the {words} in the standing trial, and "
         f"without it the others are within {1e3 * left:.0f} mm: it was moved, or it is labelled wrongly in one of "
         "the two files", file=filled.path, right="Correct its label, or leave it out of the marker map")
 
@@ -221,9 +222,9 @@ def _check_jumps(filled: FilledMarkers) -> None:
     if not jumps:
         return
     frame, before, label, step_m = min(jumps, key=lambda jump: (jump[0], -jump[3]))
-    own = filled.markers[label]
+    jumping = filled.markers[label]
     for other, path in filled.markers.items():
-        crossed = (own[frame] - path[before], path[frame] - own[before])
+        crossed = (jumping[frame] - path[before], path[frame] - jumping[before])
         if other != label and max(np.linalg.norm(crossed, axis=1)) < step_m / 2:
             raise InputError(f"markers {label} and {other} exchange places at {times[frame]:.3f} s",
                              file=filled.path, right=RELABEL)
@@ -250,16 +251,16 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     search = _Search(filled, suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)])
     labels = {label: name for name, segment in segments.items() if name in involved for label in segment.labels}
     singles = list(combinations(labels, 2))
-    found = search.best([(pair,) for pair in singles])
-    if found is not None:
-        more = search.best([(*found[0], pair) for pair in singles if not {*pair} & {*found[0][0]}])
-        found = more if more is not None and more[1] < SWAP_GAIN * found[1] else found
+    best = search.best([(pair,) for pair in singles])
+    if best is not None:
+        more = search.best([(*best[0], pair) for pair in singles if not {*pair} & {*best[0][0]}])
+        best = more if more is not None and more[1] < SWAP_GAIN * best[1] else best
     else:
         likely = [(a, b) for a, b in singles if labels[a] == labels[b] or _partners(segments, labels, a, b)]
-        found = search.best([(p, q) for p, q in combinations(likely, 2) if not {*p} & {*q}])
-    if found is None:
+        best = search.best([(p, q) for p, q in combinations(likely, 2) if not {*p} & {*q}])
+    if best is None:
         return
-    exchange, left = found
+    exchange, left = best
     equal = [_words(other) for other, cost in search.tried.items() if len(other) == len(exchange)
              and {*other} != {*exchange} and cost < AS_GOOD * left and search.explains(other).any()]
     whole = _Search(filled, suspect)
@@ -301,8 +302,9 @@ class _Search:
 
     def best(self, exchanges: list[Exchange]) -> tuple[Exchange, float] | None:
         """The exchange that leaves least (RMS over all segments, m), if made only in the frames that it helps."""
-        own = _rms(*self.own.values())
-        costs = {exchange: float(_rms(np.minimum(own, _rms(*self.after(exchange).values())))) for exchange in exchanges}
+        before = _rms(*self.own.values())
+        costs = {exchange: float(_rms(np.minimum(before, _rms(*self.after(exchange).values()))))
+                 for exchange in exchanges}
         self.tried |= costs
         least = min(costs, key=lambda exchange: costs[exchange], default=None)
         return (least, costs[least]) if least is not None and self.explains(least).any() else None

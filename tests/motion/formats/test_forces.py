@@ -106,13 +106,6 @@ def test_csv_states_its_units_in_a_row_of_their_own_or_behind_the_labels(tmp_pat
     check(read_trial(csv(tmp_path / "b.csv", labels, blocks, lead="exported by hand\n\n")))
 
 
-def test_of_a_column_that_stands_twice_in_a_csv_the_first_is_read_and_said(tmp_path):
-    names = [*opensim_names(), "ground_force_r_vy"]
-    read = read_trial(csv(tmp_path / "grf.csv", names, [FORCE, COP, TWIST[:, None] * UP, 2 * FORCE[:, 1]]))
-    check(read)
-    assert any("ground_force_r_vy stands twice: the first" in note for note in read.notes)
-
-
 def test_decimal_commas_are_read_between_semicolons_and_refused_between_commas(tmp_path):
     blocks = [FORCE, COP, TWIST[:, None] * UP]
     check(read_trial(csv(tmp_path / "grf.csv", opensim_names(), blocks, ";", comma=True)))
@@ -169,11 +162,6 @@ def test_force_along_another_axis_than_up_is_refused(tmp_path):
     path = mot(tmp_path / "grf.mot", opensim_names(), in_world(FORCE), in_world(COP), TWIST[:, None] * [0, 0, 1])
     assert "mainly along the laboratory's z" in message(lambda: read_trial(path))
     check(read_trial(path, up="z"))
-
-
-def test_no_force_columns(tmp_path):
-    path = mot(tmp_path / "ik.mot", ["hip_flexion_r"], TIME[:, None])
-    assert "has no force columns; its columns are hip_flexion_r" in message(lambda: read_trial(path))
 
 
 def forces_text(count=COUNT, stated=None):

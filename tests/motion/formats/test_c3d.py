@@ -1,0 +1,291 @@
+"""C3D: markers, units, frames and plates as the file states them; damaged files are refused."""
+
+import ezc3d
+import numpy as np
+import pytest
+from made_c3d import MadePlate, rectangle, write_c3d
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion import read_trial
+from vsf_drake.motion.formats.read import list_labels
+from vsf_drake.motion.formats.tables import read_storage
+
+FRAMES, RATE, SAMPLES = 100, 100.0, 1000
+
+
+def body(speed=(1.2, 0.0, 0.0), count=14):
+    """Markers of a body 1.7 m tall that walks, label -> (frames, 3) m."""
+    at = np.random.default_rng(1).uniform([0, -0.3, 0.05], [0.3, 0.3, 1.6], (count, 3))
+    at[0, 2], at[1, 2] = 0.02, 1.72
+    time = np.arange(FRAMES) / RATE
+    return {f"M{k}": place + np.outer(time, speed) for k, place in enumerate(at)}
+
+
+def message(call):
+    with pytest.raises(InputError) as caught:
+        call()
+    return str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def walking2(shared_data):
+    return read_trial(shared_data / "opensim_core" / "c3d" / "walking2.c3d")
+
+
+def test_real_markers_agree_with_the_reference_beside_them(walking2, shared_data):
+    """The reference has every tenth frame, in mm to one decimal; its rate stands wrong in its header."""
+    path = shared_data / "opensim_core" / "c3d" / "std_walking2_markers.trc"
+    rows = [line.split("\t") for line in path.read_text().splitlines()[5:] if line.strip()]
+    labels = [label for label in path.read_text().splitlines()[3].split("\t")[2:] if label]
+    worst = 0.0
+    for row in rows:
+        values = np.array([float(cell) for cell in row[2:]]).reshape(-1, 3)
+        frame = round(float(row[1]) * walking2.marker_rate_hz)
+        ours = 1e3 * np.array([walking2.markers[label][frame] for label in labels])
+        np.testing.assert_array_equal(np.isnan(ours), np.isnan(values))
+        worst = max(worst, np.nanmax(np.abs(ours - values), initial=0.0))
+    assert len(rows) == 126 and worst <= 0.05 + 1e-9
+
+
+def test_real_forces_agree_with_the_reference_beside_them(walking2, shared_data):
+    table = read_storage(shared_data / "opensim_core" / "c3d" / "std_cop_walking2_grfs.sto")
+    sample = np.round(table.time_s * walking2.force_rate_hz).astype(int)
+    for k, plate in enumerate(walking2.plates):
+        force, cop, moment = (table.values[:, 9 * k + 3 * i:9 * k + 3 * i + 3] for i in range(3))
+        np.testing.assert_allclose(plate.force_n[sample], force, atol=0.01)
+        loaded = force[:, 2] > 50.0
+        assert loaded.sum() >= 8
+        np.testing.assert_allclose(1e3 * plate.cop_m[sample][loaded], cop[loaded], atol=0.1)
+        np.testing.assert_allclose(plate.free_moment_nm[sample][loaded], 1e-3 * moment[loaded, 2], atol=1e-3)
+
+
+def test_a_second_reader_finds_the_same(walking2, shared_data):
+    """ezc3d on the same file: every marker, force, centre of pressure and free moment."""
+    other = ezc3d.c3d(str(walking2.path), extract_forceplat_data=True)
+    points = other["data"]["points"][:3].transpose(2, 1, 0)
+    np.testing.assert_allclose(np.stack(list(walking2.markers.values()), axis=1), 1e-3 * points, atol=1e-12)
+    for plate, theirs in zip(walking2.plates, other["data"]["platform"], strict=True):
+        loaded = plate.force_n[:, 2] > 20.0
+        np.testing.assert_allclose(plate.force_n, theirs["force"].T, atol=1e-9)
+        np.testing.assert_allclose(plate.cop_m[loaded], 1e-3 * theirs["center_of_pressure"].T[loaded], atol=1e-9)
+        np.testing.assert_allclose(plate.free_moment_nm[loaded], 1e-3 * theirs["Tz"][2][loaded], atol=1e-9)
+        assert np.isnan(plate.cop_m[~loaded]).all() and not plate.free_moment_nm[~loaded].any()
+
+
+@pytest.mark.parametrize(("unit", "length"), [
+    ("mm", 1e-3), ("m", 1.0), ("cm", 1e-2), ("Meters", 1.0), ("mete", 1.0), ("mill", 1e-3), ("cent", 1e-2)])
+def test_markers_come_in_metres_whatever_the_unit_and_cut_to_the_fields_width(tmp_path, unit, length):
+    markers = body()
+    path = write_c3d(tmp_path / "walk.c3d", markers, unit=unit, length=length)
+    read = read_trial(path.rename(tmp_path / "Walk.C3D"))
+    assert list(read.markers) == list(markers)
+    for label, place in markers.items():
+        np.testing.assert_allclose(read.markers[label], place, atol=1e-6)
+
+
+def test_a_missing_or_ambiguous_unit_is_asked_for(tmp_path):
+    path = write_c3d(tmp_path / "walk.c3d", body(), unit=None)
+    assert "Give laboratory.length_unit (--length-unit)" in message(lambda: read_trial(path))
+    assert read_trial(path, length_unit="mm").markers["M1"][0, 2] == pytest.approx(1.72)
+    for unit in ("me", "mi", "metric", "cents", "inc", "x"):
+        other = write_c3d(tmp_path / "other.c3d", body(), unit=unit)
+        assert f"POINT:UNITS: the unit '{unit}' is unknown" in message(lambda other=other: read_trial(other))
+
+
+@pytest.mark.parametrize(("unit", "length"), [("m", 1e-3), ("mm", 1.0)])
+def test_a_body_of_1700_m_or_of_2_mm_is_in_another_unit(tmp_path, unit, length):
+    path = write_c3d(tmp_path / "walk.c3d", body(), unit=unit, length=length)
+    refusal = message(lambda: read_trial(path))
+    assert "which no person does" in refusal and "length_unit" in refusal
+    read_trial(path, length_unit={1e-3: "mm", 1.0: "m"}[length])
+
+
+def test_a_marker_that_was_not_seen_is_a_gap_and_time_runs_from_the_trials_first_frame(tmp_path):
+    markers = body()
+    markers["M3"][10:20] = np.nan
+    read = read_trial(write_c3d(tmp_path / "walk.c3d", markers, first_frame=51))
+    assert np.isnan(read.markers["M3"][10:20]).all() and np.isfinite(read.markers["M3"][20:]).all()
+    assert read.marker_start_s == pytest.approx(0.5) and read.marker_time_s[-1] == pytest.approx(1.49)
+
+
+def test_a_subjects_prefix_is_taken_away_and_points_without_a_label_are_no_markers(tmp_path):
+    path = write_c3d(tmp_path / "walk.c3d", {f"Jürgen:{k}": v for k, v in body().items()})
+    assert list_labels(path)[:2] == ["M0", "M1"]
+    assert any("Jürgen" in note for note in read_trial(path).notes)
+    nameless = write_c3d(tmp_path / "b.c3d", {f"*{k}": place for k, place in enumerate(body().values())})
+    assert "neither labelled markers nor force plates" in message(lambda: read_trial(nameless))
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_of_a_label_that_stands_twice_the_first_that_is_seen_is_read_and_said(tmp_path, hidden):
+    markers = body()
+    second, first = markers["M4"].copy(), markers["M2"].copy()
+    if hidden:
+        markers["M2"] = np.full_like(first, np.nan)
+    path = write_c3d(tmp_path / "walk.c3d", markers)
+    width = max(map(len, ezc3d.c3d(str(path))["parameters"]["POINT"]["LABELS"]["value"]))
+    path.write_bytes(path.read_bytes().replace(b"M4".ljust(width), b"M2".ljust(width)))
+    read = read_trial(path)
+    assert list(read.markers).count("M2") == 1 and "M4" not in read.markers
+    np.testing.assert_allclose(read.markers["M2"], second if hidden else first, atol=1e-6)
+    assert any("M2 stands twice: the first" in note for note in read.notes)
+
+
+def with_parameters(path, group, **values):
+    c3d = ezc3d.c3d(str(path))
+    for name, value in values.items():
+        if name in c3d["parameters"].get(group, {}):
+            c3d["parameters"][group][name]["value"] = value
+        else:
+            c3d.add_parameter(group, name, value)
+    c3d.write(str(path))
+    return path
+
+
+@pytest.mark.parametrize(("mass", "height", "stated"), [
+    (71.5, 1760.0, {"mass_kg": 71.5, "stature_m": 1.76}), (71.5, 176.0, {"mass_kg": 71.5, "stature_m": 1.76}),
+    (0.0, 1.76, {"stature_m": 1.76}), (7150.0, 17.0, {})])
+def test_mass_and_stature_that_the_file_states_are_read_where_somebody_has_them(tmp_path, mass, height, stated):
+    path = with_parameters(write_c3d(tmp_path / "walk.c3d", body()), "PROCESSING", Bodymass=[mass], Height=[height])
+    read = read_trial(path)
+    assert dict(read.person) == pytest.approx(stated, rel=1e-6)
+    assert sum("nobody's" in note for note in read.notes) == (2 if mass == 7150.0 else 0)
+
+
+def test_a_truncated_file_is_refused(tmp_path):
+    path = write_c3d(tmp_path / "walk.c3d", body())
+    data = path.read_bytes()
+    for end in (0, 100, 511, 600, 3000, -2000):
+        path.write_bytes(data[:end])
+        assert str(path) in message(lambda: read_trial(path))
+    path.write_bytes(data[:8] + b"\xfe\xff" + data[10:])
+    assert "the header says 65534 frames, the file holds 100" in message(lambda: read_trial(path))
+
+
+def test_recording_of_more_frames_than_16_bits_count(tmp_path):
+    frames = 70_000
+    markers = {"a": np.tile([0.1, 0.2, 0.3], (frames, 1)), "b": np.tile([0.4, 0.2, 0.9], (frames, 1))}
+    assert read_trial(write_c3d(tmp_path / "long.c3d", markers, rate=1000.0)).frames == frames
+
+
+# Force plates: a stated load on a plate of each type comes back, wherever the plate lies and turns.
+
+
+PHASE = np.linspace(0.0, 1.0, SAMPLES)
+FORCE = np.column_stack([60 * np.sin(6 * PHASE), 20 * np.cos(3 * PHASE), 700 + 100 * np.cos(9 * PHASE)])
+TWIST = 5.0 * np.sin(4 * PHASE)
+PLATE_AT = (0.45, 0.25)
+
+
+def load(centre=PLATE_AT, turn_deg=0.0, kind=2, height=0.0, **options):
+    path = np.column_stack([0.1 * PHASE - 0.05, 0.05 * PHASE, np.full(SAMPLES, height)]) + np.array([*centre, 0.0])
+    return MadePlate(kind, FORCE, path, TWIST, rectangle(centre, turn_deg=turn_deg, height=height), **options)
+
+
+def written(tmp_path, *plates, way=(1.2, 0.0, 0.0), **options):
+    return write_c3d(tmp_path / "a.c3d", body(way), plates=plates, **options)
+
+
+def check(read, made, rotation=np.eye(3)):  # noqa: B008 (it is not changed)
+    np.testing.assert_allclose(read.rotation_W, rotation, atol=0)
+    for plate, given in zip(read.plates, made, strict=True):
+        np.testing.assert_allclose(plate.force_n, given.force @ rotation.T, atol=1e-3)
+        np.testing.assert_allclose(plate.cop_m, given.cop @ rotation.T, atol=1e-6)
+        np.testing.assert_allclose(plate.free_moment_nm, given.twist, atol=1e-4)
+        np.testing.assert_allclose(plate.corners_m, given.corners @ rotation.T, atol=1e-6)
+
+
+@pytest.mark.parametrize("origin_sign", [-1.0, 1.0])
+@pytest.mark.parametrize(("kind", "turn_deg"), [(1, 30.0), (2, 30.0), (3, 30.0), (4, 30.0), (2, 90.0), (2, 180.0)])
+def test_load_comes_back_from_each_type_of_plate(tmp_path, kind, turn_deg, origin_sign):
+    """The channels follow from the load by cross products over the sensors, not from the reader's formulas."""
+    plate = load(turn_deg=turn_deg, kind=kind, origin_sign=origin_sign)
+    check(read_trial(written(tmp_path, plate)), [plate])
+
+
+def test_walking_along_minus_y_is_walking_forward(tmp_path):
+    """Forward is -y of the laboratory, so left is its +x."""
+    plates = (load((0.1, -0.4)), load((0.1, -1.2), kind=1))
+    read = read_trial(written(tmp_path, *plates, way=(0, -1.2, 0)))
+    check(read, plates, np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]))
+    assert read.markers["M0"][-1, 0] > read.markers["M0"][0, 0] + 1.0
+
+
+@pytest.mark.parametrize(("of_plate", "of_file", "words"), [
+    ({"on_plate": True}, {}, "points down"), ({}, {"moment_unit": "Nm"}, "far off the plate")])
+def test_forces_on_the_plate_and_moments_in_another_unit_than_stated_are_put_right(tmp_path, of_plate, of_file, words):
+    plate = load(**of_plate)
+    read = read_trial(written(tmp_path, plate, **of_file))
+    check(read, [plate])
+    assert any(words in note for note in read.notes)
+
+
+def test_floor_is_where_the_plates_lie(tmp_path):
+    plates = (load((0.4, 0.2), height=0.35), load((1.1, 0.2), height=0.35))
+    markers = {label: place + np.array([0, 0, 0.35]) for label, place in body().items()}
+    read = read_trial(write_c3d(tmp_path / "a.c3d", markers, plates=plates))
+    np.testing.assert_allclose(read.plates[0].cop_m, plates[0].cop - np.array([0, 0, 0.35]), atol=1e-6)
+    assert read.markers["M0"][0, 2] == pytest.approx(0.02, abs=1e-6)
+    assert any("350 mm" in note for note in read.notes)
+
+
+def test_stairs_and_ramps_are_refused(tmp_path):
+    stairs = written(tmp_path, load((0.4, 0.2)), load((1.1, 0.2), height=0.18))
+    assert "plate 2 lies 180 mm above plate 1" in message(lambda: read_trial(stairs))
+    plate, tilt = load(), np.radians(7.0)
+    middle = plate.corners.mean(axis=0)
+    turn = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
+    plate.corners = (plate.corners - middle) @ turn.T + middle
+    ramp = written(tmp_path, plate)
+    assert "plate 1 is tilted by 7.0 degrees" in message(lambda: read_trial(ramp))
+
+
+def test_plates_that_overlap_are_noted(tmp_path):
+    apart = read_trial(written(tmp_path, load((0.4, 0)), load((0.81, 0)))).notes
+    over = read_trial(written(tmp_path, load((0.4, 0)), load((0.6, 0)))).notes
+    assert not any("overlap" in note for note in apart) and any("Plates 1 and 2 overlap" in note for note in over)
+
+
+def test_a_plate_of_an_unknown_type_or_without_its_channels_is_left_out_and_said(tmp_path):
+    read = read_trial(with_parameters(written(tmp_path, load((0.4, 0)), load((0.81, 0))), "FORCE_PLATFORM",
+                                      TYPE=[2, 21]))
+    assert [plate.name for plate in read.plates] == ["1"] and any("type 21" in note for note in read.notes)
+    plates = (load(), load((1.2, 0.25)))
+    path = written(tmp_path, *plates)
+    absent, there = np.arange(13, 19), np.arange(1, 7)
+    read = read_trial(with_parameters(path, "FORCE_PLATFORM", CHANNEL=np.column_stack([there, absent])))
+    check(read, plates[:1])
+    assert any("Force plate 2 of a.c3d was left out" in note and "channels 13 to 18" in note for note in read.notes)
+    with_parameters(path, "FORCE_PLATFORM", CHANNEL=np.column_stack([absent, absent]))
+    assert "FORCE_PLATFORM:CHANNEL: force plate 1 uses analog channels 13 to 18" in message(lambda: read_trial(path))
+
+
+@pytest.mark.parametrize("header", [7, 12, 0])
+def test_samples_a_frame_are_those_on_which_channels_and_rates_agree(tmp_path, header):
+    """Six channels at 1000 Hz in frames of 100 Hz make 10 samples a frame, whatever the header says."""
+    plate = load()
+    path = written(tmp_path, plate)
+    data = bytearray(path.read_bytes())
+    assert data[18:20] == (10).to_bytes(2, "little")
+    data[18:20] = header.to_bytes(2, "little")
+    path.write_bytes(bytes(data))
+    read = read_trial(path)
+    check(read, [plate])
+    assert read.force_rate_hz == 1000.0 and any(f"says {header} analog samples a frame" in n for n in read.notes)
+
+
+@pytest.mark.parametrize(("used", "rate"), [(16, 1000.0), (16, 1200.0), (6, 1200.0), (7, 960.0)])
+def test_the_headers_samples_a_frame_stand_where_the_parameters_disagree(tmp_path, used, rate):
+    """60 numbers a frame in 10 samples: 16 channels do not divide them, 12 samples do but no parameter agrees."""
+    plate = load()
+    path = written(tmp_path, plate)
+    data = path.read_bytes()
+    at = data.index(b"USED", data.index(b"ANALOG"))
+    assert data[at + 6] == 2 and data[at + 8:at + 10] == (6).to_bytes(2, "little")
+    data = data[:at + 8] + used.to_bytes(2, "little") + data[at + 10:]
+    old, new = (np.float32(value).tobytes() for value in (1000.0, rate))
+    path.write_bytes(data.replace(old, new, 1))
+    read = read_trial(path)
+    check(read, [plate])
+    assert read.force_rate_hz == 1000.0
+    assert any("ANALOG:RATE" in note for note in read.notes) == (rate != 1000.0)

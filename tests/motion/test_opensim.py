@@ -1,0 +1,289 @@
+"""Joint angles and plates out of OpenSim tables: names, units, signs, frames, and what is refused."""
+
+import numpy as np
+import pytest
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.recording import os_to_world, world_to_os
+from vsf_drake.motion.formats.tables import read_storage, write_storage
+from vsf_drake.motion.opensim import assign_prefixes, find_prefixes, read_kinematics, read_plate
+from vsf_drake.parameters import person_coordinates
+
+SIMM = "walk\nnRows={rows}\nnColumns={columns}\n\n# SIMM Motion File Header:\nname walk\ndatacolumns {columns}\n" \
+       "datarows {rows}\notherdata 1\nrange 0 1.8\nendheader"
+MASS = 80.0
+TIME = np.arange(0.0, 0.1, 0.01)
+
+
+def read(files, side="right", unit=None):
+    files.write()
+    return read_kinematics(read_storage(files.folder / "walk_ik.mot"), prosthetic_side=side, unit=unit)
+
+
+def message(call):
+    with pytest.raises(InputError) as caught:
+        call()
+    return str(caught.value)
+
+
+def to_radians(files):
+    files.header = files.header.replace("inDegrees=yes", "inDegrees=no")
+    for name in files.columns:
+        if name not in ("pelvis_tx", "pelvis_ty", "pelvis_tz"):
+            files.columns[name] = np.radians(files.columns[name])
+
+
+def test_degrees_become_radians_and_metres_stay(trial_files):
+    degrees, _ = read(trial_files)
+    q, _, _ = degrees.sample(trial_files.time)
+    assert degrees.names == person_coordinates("right") and len(degrees.names) == 21
+    for name in ("knee_angle_r", "hip_flexion_l", "pelvis_list", "ankle_angle_l"):
+        np.testing.assert_allclose(q[:, degrees.names.index(name)], np.radians(trial_files.columns[name]), atol=1e-9)
+    np.testing.assert_allclose(q[:, 1], trial_files.columns["pelvis_ty"], atol=1e-9)
+    to_radians(trial_files)
+    np.testing.assert_allclose(degrees.values, read(trial_files)[0].values, atol=1e-9)
+
+
+def test_only_the_intact_ankle_is_needed_and_the_wrong_side_is_told(trial_files):
+    del trial_files.columns["ankle_angle_l"]
+    trajectory, _ = read(trial_files, side="left")
+    assert "ankle_angle_r" in trajectory.names and "ankle_angle_l" not in trajectory.names
+    text = message(lambda: read(trial_files, side="right"))
+    assert "walk_ik.mot" in text and "ankle_angle_r for an ankle that the prosthesis replaces" in text
+    assert "The subject's prosthetic_side is right: is it the other one?" in text
+    del trial_files.columns["ankle_angle_r"]
+    assert "column ankle_angle_l: there is no column for this coordinate" in message(lambda: read(trial_files))
+
+
+def test_opensim_paths_are_coordinates_and_speeds_are_not(trial_files):
+    plain, _ = read(trial_files)
+    trial_files.columns = {f"/jointset/joint/{n}/value": v for n, v in trial_files.columns.items()} | {
+        "/jointset/joint/hip_flexion_r/speed": np.full(181, 1e6), "/forceset/soleus_r/activation": np.full(181, np.nan)}
+    np.testing.assert_array_equal(plain.values, read(trial_files)[0].values)
+    trial_files.columns["hip_flexion_r"] = trial_files.columns["/jointset/joint/hip_flexion_r/value"]
+    assert "column hip_flexion_r: the coordinate stands twice" in message(lambda: read(trial_files))
+
+
+def test_missing_optional_coordinates_are_zero_and_noted_and_the_subtalar_angle_is_ankle_adduction(trial_files):
+    trial_files.columns["hip_adduction_r"] = 5 * np.sin(trial_files.time)
+    trial_files.columns["subtalar_angle_l"] = 3 * np.sin(trial_files.time)
+    trajectory, notes = read(trial_files)
+    assert not trajectory.values[:, trajectory.names.index("hip_rotation_r")].any()
+    (note,) = [n for n in notes if "taken as zero" in n]
+    assert "hip_rotation_r" in note and "hip_adduction_r" not in note and "ankle_adduction_l" not in note
+    np.testing.assert_allclose(trajectory.values[:, trajectory.names.index("ankle_adduction_l")],
+                               np.radians(trial_files.columns["subtalar_angle_l"]), atol=1e-9)
+
+
+def test_negative_knee_flexion_is_turned_and_noted_and_knees_of_opposite_sign_are_refused(trial_files):
+    knees = ("knee_angle_r", "knee_angle_l")
+    positive, quiet = read(trial_files)
+    for knee in knees:
+        trial_files.columns[knee] = -trial_files.columns[knee]
+    turned, notes = read(trial_files)
+    np.testing.assert_allclose(turned.values, positive.values, atol=1e-9)
+    assert any("turned round" in n for n in notes) and not any("turned" in n for n in quiet)
+    trial_files.columns["knee_angle_l"] = -trial_files.columns["knee_angle_l"]
+    assert "the knees bend both ways, from -60° to 60°" in message(lambda: read(trial_files))
+    for knee in knees:
+        trial_files.columns[knee] = 0.2 * np.abs(trial_files.columns[knee])
+    assert any("No knee" in n and "taken as positive" in n for n in read(trial_files)[1])
+
+
+def test_header_without_unit_needs_the_manifest_and_one_with_it_wins(trial_files):
+    stated, _ = read(trial_files)
+    assert "the header says inDegrees=yes, the manifest says kinematics_unit: radians" in message(
+        lambda: read(trial_files, unit="radians"))
+    trial_files.header = SIMM
+    assert "Add `kinematics_unit: degrees`" in message(lambda: read(trial_files))
+    np.testing.assert_array_equal(read(trial_files, unit="degrees")[0].values, stated.values)
+
+
+def test_degrees_declared_as_radians_and_the_other_way_round(trial_files):
+    trial_files.header = trial_files.header.replace("inDegrees=yes", "inDegrees=no")
+    text = message(lambda: read(trial_files))
+    assert "is not believable" in text and "line " in text and "is it in degrees?" in text
+    to_radians(trial_files)
+    trial_files.header = trial_files.header.replace("inDegrees=no", "inDegrees=yes")
+    text = message(lambda: read(trial_files))
+    assert "column knee_angle" in text and "which is no walk" in text and "is it in radians?" in text
+
+
+@pytest.mark.parametrize(("spoil", "wanted"), [
+    (lambda c: c.update(pelvis_ty=1e3 * c["pelvis_ty"]), "column pelvis_ty: the pelvis at"),
+    (lambda c: c.update(pelvis_tx=1e3 * c["pelvis_tx"]), "is it in millimetres?"),
+    (lambda c: c["hip_flexion_r"].__iadd__(90.0 * (np.arange(181) >= 50)), "hip_flexion_r: the angle jumps by 89°"),
+    (lambda c: c["knee_angle_l"].__setitem__(20, np.nan), "line 28, time 0.2 s, column knee_angle_l: 'nan' is not a")])
+def test_what_no_person_does_is_refused_with_its_place(trial_files, spoil, wanted):
+    trial_files.columns["lumbar_extension"] = np.full(181, np.nan)  # nobody needs it
+    trial_files.columns = {name: np.array(values) for name, values in trial_files.columns.items()}
+    read(trial_files)
+    spoil(trial_files.columns)
+    assert wanted in message(lambda: read(trial_files))
+
+
+def test_time_that_stands_still_or_leaps_is_refused(trial_files):
+    time, columns = trial_files.time.copy(), trial_files.columns
+    trial_files.time[50] = trial_files.time[49]
+    assert "line 58, time 0.49 s: time does not increase: 0.49 s follows 0.49 s" in message(lambda: read(trial_files))
+    for missing in (6, 20):
+        rows = np.r_[0:50, 50 + missing:181]
+        trial_files.time, trial_files.columns = time[rows], {n: v[rows] for n, v in columns.items()}
+        text = message(lambda: read(trial_files))
+        assert f"there is a gap of {0.01 * (missing + 1):g} s after 0.49 s" in text and "line 58" in text
+
+
+def test_opensim_inverse_kinematics_with_simm_header(shared_data):
+    """subject01_walk1 of gait2354: 60 Hz, no unit, knees negative, times rounded to the millisecond."""
+    storage = read_storage(shared_data / "opensim_core" / "ik_reference" / "std_subject01_walk1_ik.mot")
+    trajectory, notes = read_kinematics(storage, prosthetic_side="right", unit="degrees")
+    assert len(trajectory.time_s) == 73
+    np.testing.assert_allclose(np.diff(trajectory.time_s), 1 / 60, rtol=1e-9)
+    knee = trajectory.values[:, trajectory.names.index("knee_angle_r")]
+    assert np.degrees(knee.max()) == pytest.approx(69.67720048)
+    assert any("turned round" in n for n in notes)
+    accelerations = trajectory.sample(np.linspace(0.4, 1.6, 1001))[2]
+    assert np.abs(accelerations[:, 6:]).max() < 200.0
+
+
+def test_opensim_states_in_radians(shared_data):
+    """example3DWalking: OpenSim paths, 1 kHz, radians, knees positive, a wrong nColumns."""
+    storage = read_storage(shared_data / "opensim_core" / "example3DWalking" / "coordinates.sto")
+    trajectory, notes = read_kinematics(storage, prosthetic_side="right")
+    assert (trajectory.start_s, trajectory.end_s) == (0.45, 1.799)
+    assert trajectory.values[0, trajectory.names.index("hip_flexion_r")] == 0.3965801380677928
+    assert any("says 40 columns" in n for n in notes) and not any("turned" in n for n in notes)
+
+
+# Force plates: the world frame, which column is which foot, and the same load however it is written.
+
+
+def storage_of(tmp_path, columns, time=TIME):
+    """A force file in OpenSim's frame; scalars are held constant."""
+    path = tmp_path / "grf.mot"
+    values = np.column_stack([np.broadcast_to(np.asarray(v, dtype=float), time.shape) for v in columns.values()])
+    write_storage(path, time_s=time, names=tuple(columns), values=values)
+    return read_storage(path)
+
+
+def columns(prefix="ground_force_r", torque="ground_torque_r", force=(40.0, 800.0, 10.0), point=(0.5, 0.0, -0.1),
+            moment=(0.0, 3.0, 0.0)):
+    out = {f"{prefix}_v{a}": f for a, f in zip("xyz", force, strict=True)}
+    out |= {f"{prefix}_p{a}": p for a, p in zip("xyz", point, strict=True)}
+    return out | {f"{torque}_{a}": m for a, m in zip("xyz", moment, strict=True)}
+
+
+def plate_of(tmp_path, prefix="ground_force_r", **loads):
+    return read_plate(storage_of(tmp_path, columns(**loads)), prefix, mass_kg=MASS)
+
+
+def test_axes_of_the_two_frames():
+    """Forward stays forward, OpenSim's up is W's up, OpenSim's right is W's minus left."""
+    np.testing.assert_array_equal(os_to_world([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), [[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    vectors = np.random.default_rng(0).normal(size=(4, 3))
+    np.testing.assert_array_equal(world_to_os(os_to_world(vectors)), vectors)
+    np.testing.assert_allclose(np.cross(os_to_world(vectors[0]), os_to_world(vectors[1])),
+                               os_to_world(np.cross(vectors[0], vectors[1])))
+
+
+def test_constructed_force_in_the_world_frame(tmp_path):
+    plate, notes = plate_of(tmp_path)
+    np.testing.assert_allclose(plate.force_W, np.tile([40.0, -10.0, 800.0], (10, 1)))
+    np.testing.assert_allclose(plate.cop_W, np.tile([0.5, 0.1, 0.0], (10, 1)))
+    np.testing.assert_allclose(plate.free_moment_nm, 3.0)
+    assert plate.has_cop and notes == []
+    assert any("y = -7.5 mm" in n for n in plate_of(tmp_path, point=(0.5, -0.0075, 0.1))[1])
+
+
+def test_load_is_the_same_wherever_its_moment_is_taken(tmp_path):
+    """The moment about the laboratory's origin, by the cross product in OpenSim's frame and in W."""
+    force, point, moment = np.array([60.0, 700.0, -30.0]), np.array([0.3, -0.04, 0.2]), np.array([25.0, 4.0, -60.0])
+    plate, _ = plate_of(tmp_path, force=force, point=point, moment=moment)
+    about_origin = os_to_world(np.cross(point, force) + moment)
+    again = np.cross(plate.cop_W[0], plate.force_W[0]) + np.array([0.0, 0.0, plate.free_moment_nm[0]])
+    np.testing.assert_allclose(again, about_origin, atol=1e-9)
+    assert plate.cop_W[0, 2] == 0.0
+
+
+def test_centre_of_pressure_counts_only_where_the_plate_is_loaded(tmp_path):
+    force = np.array([0, 10, 20, 30, 500, 800, 500, 30, 0, 0.0])
+    place = np.where(force > 20, 0.5, 400.0)
+    place[0] = np.nan
+    plate, _ = plate_of(tmp_path, force=(0.1 * force, force, 0.0), point=(place, 0, 0))
+    np.testing.assert_array_equal(np.isnan(plate.cop_W).all(axis=1), force <= 20.0)
+    np.testing.assert_array_equal(plate.free_moment_nm == 0.0, force <= 20.0)
+    place[4] = np.nan
+    assert "time 0.04 s, column ground_force_r_px: 'nan'" in message(
+        lambda: plate_of(tmp_path, force=(0, force, 0), point=(place, 0, 0)))
+
+
+def test_force_without_position_or_torque(tmp_path):
+    only = {n: v for n, v in columns().items() if n[-3:-1] == "_v"}
+    plate, notes = read_plate(storage_of(tmp_path, only), "ground_force_r", mass_kg=MASS)
+    assert not plate.has_cop and np.isnan(plate.cop_W).all() and not plate.free_moment_nm.any()
+    assert len(notes) == 2
+
+
+@pytest.mark.parametrize(("prefix", "torque"), [
+    ("ground_force_r", "ground_torque_r"), ("1_ground_force", "1_ground_torque"),
+    ("ground_force_1", "ground_moment_1_m")])
+def test_spellings_of_torque(tmp_path, prefix, torque):
+    named = columns(prefix, torque)
+    if torque.endswith("_m"):
+        named = {n.replace("_m_", "_m"): v for n, v in named.items()}
+    plate, _ = read_plate(storage_of(tmp_path, named), prefix, mass_kg=MASS)
+    np.testing.assert_allclose(plate.free_moment_nm, 3.0)
+
+
+@pytest.mark.parametrize(("force", "wanted"), [
+    ((0, -800, 0), "column ground_force_r_vy: the vertical force is negative (-800 N)"),
+    ((30, 40, 800), "column ground_force_r_vz: the largest part of the force is along z, not upward along y"),
+    ((0, 4000, 0), "is 5.1 times the body weight of 80 kg"),
+    ((0, 1e300, 0), "column ground_force_r_vy: 1e+300 N is no force of a person"),
+    ((0, np.r_[500.0, np.nan, np.full(8, 500.0)], 0), "time 0.01 s, column ground_force_r_vy: 'nan' is not a finite")])
+def test_force_that_no_foot_feels_is_refused(tmp_path, force, wanted):
+    text = message(lambda: plate_of(tmp_path, force=force))
+    assert wanted in text and "grf.mot" in text and "time" in text
+
+
+def both(tmp_path, right, left):
+    return storage_of(tmp_path, columns(right, f"{right}_t") | columns(left, f"{left}_t"))
+
+
+@pytest.mark.parametrize(("right", "left"), [("ground_force_r", "ground_force_l"), ("R_grf", "L_grf"),
+                                             ("force_right", "force_left")])
+def test_names_that_tell_the_side(tmp_path, right, left):
+    assert assign_prefixes(both(tmp_path, right, left), None) == {"right": right, "left": left}
+
+
+def test_names_that_do_not_tell_the_side_list_what_to_write(tmp_path):
+    storage = both(tmp_path, "ground_force", "1_ground_force")
+    assert find_prefixes(storage) == ("ground_force", "1_ground_force")
+    text = message(lambda: assign_prefixes(storage, None))
+    assert "prefixes found: ground_force, 1_ground_force" in text
+    assert "`forces: {file: grf.mot, right: PREFIX, left: PREFIX}`" in text
+    assert "prefixes found: force1_r, force2_r" in message(
+        lambda: assign_prefixes(both(tmp_path, "force1_r", "force2_r"), None))
+    stated = {"right": "ground_force", "left": "1_ground_force"}
+    assert assign_prefixes(storage, stated) == stated
+    assert assign_prefixes(storage, {"right": "1_ground_force", "left": None}) == {"right": "1_ground_force"}
+
+
+def test_wrong_mapping_is_refused(tmp_path):
+    storage = both(tmp_path, "a", "b")
+    for stated, wanted in (({"right": "a", "left": "c"}, "forces.left: has no force columns c_vx, c_vy, c_vz."),
+                           ({"right": "a", "left": "a"}, "the same columns stand for both feet")):
+        assert wanted in message(lambda stated=stated: assign_prefixes(storage, stated))
+    partial = storage_of(tmp_path, {name: value for name, value in columns("a").items() if name != "a_vz"})
+    assert "A component that was not measured may be a column of zeros" in message(
+        lambda: assign_prefixes(partial, {"right": "a"}))
+
+
+def test_centre_of_pressure_hundreds_of_metres_away_is_dropped(shared_data):
+    """example3DWalking writes positions up to 496 m while the plates are unloaded."""
+    storage = read_storage(shared_data / "opensim_core" / "example3DWalking" / "grf_walk.mot")
+    for prefix in ("ground_force_r", "ground_force_l"):
+        plate, _ = read_plate(storage, prefix, mass_kg=85.27)
+        assert np.nanmax(np.abs(plate.cop_W)) < 2.0
+        np.testing.assert_array_equal(np.isnan(plate.cop_W[:, 0]), plate.force_W[:, 2] <= 20.0)
+    assert np.nanmax(plate.cop_W[:, 1]) == pytest.approx(0.3244, abs=1e-3)
