@@ -10,7 +10,7 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from vsf_drake.files import resource, write_json
+from vsf_drake.files import plain, resource, write_json
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
@@ -36,7 +36,7 @@ def main() -> None:
                 for upright in (False, True):
                     standing = simulate_standing(subject, model, fulcrum_m=fulcrum_m, upright=upright,
                                                  duration_s=1.0 if arguments.quick else 10.0)
-                    table = standing_table(standing)
+                    table = plain(standing_table(standing))
                     del table["series"]
                     rows.append({**table, "prosthesis_longer_mm": 1e3 * difference, "upright": upright})
                     print(line(rows[-1]))

@@ -1,7 +1,8 @@
 """For mypy, where pydrake's stubs say less than is so.
 
 An array is there `ndarray[float64[3, 1]]` or `ndarray[float64, flags.writeable]`, which numpy's types have no word for:
-here it is a bare `np.ndarray`. `DiagramBuilder.AddSystem` gives back the system that it was given, not some System.
+here it is a bare `np.ndarray`. `DiagramBuilder.AddSystem` gives back the system that it was given, not some System, and
+`MultibodyPlant.AddJoint` the joint.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ from collections.abc import Callable
 from mypy.plugin import AnalyzeTypeContext, MethodContext, Plugin
 from mypy.types import AnyType, Type, TypeOfAny, UnboundType
 
-BUILDER = "pydrake.systems.framework.DiagramBuilder"
+ADDING = ("pydrake.systems.framework.DiagramBuilder.AddSystem",
+          "pydrake.systems.framework.DiagramBuilder.AddNamedSystem",
+          "pydrake.multibody.plant.MultibodyPlant.AddJoint")
 
 
 class Pydrake(Plugin):
@@ -21,7 +24,7 @@ class Pydrake(Plugin):
         return _array if fullname == "numpy.ndarray" else None
 
     def get_method_hook(self, fullname: str) -> Callable[[MethodContext], Type] | None:
-        return _added if fullname in (f"{BUILDER}.AddSystem", f"{BUILDER}.AddNamedSystem") else None
+        return _added if fullname in ADDING else None
 
 
 def _array(context: AnalyzeTypeContext) -> Type:

@@ -31,30 +31,30 @@ def made(**changes) -> Standing:
 
 def test_table_states_forces_shares_and_drift():
     table = standing_table(made())
-    assert table["mean_vertical_n"] == pytest.approx(WEIGHT_N)
-    assert table["weight_error"] == pytest.approx(0.0, abs=1e-12)
-    assert (table["prosthetic_share"], table["intact_share"]) == (pytest.approx(0.4), pytest.approx(0.6))
-    assert table["drift_mm"] == pytest.approx(1.0), "0.6 and 0.8 at right angles"
-    assert table["turn_deg"] == 0.0
-    assert table["pelvis_deg"]["list"] == pytest.approx(2.0)
-    assert table["toppling_nm_per_rad"] == pytest.approx(700.0)
-    assert len(table["series"]["time_s"]) == 100
-    assert table["series"]["time_s"][-1] == pytest.approx(2.0)
+    assert table.mean_vertical_n == pytest.approx(WEIGHT_N)
+    assert table.weight_error == pytest.approx(0.0, abs=1e-12)
+    assert (table.prosthetic_share, table.intact_share) == (pytest.approx(0.4), pytest.approx(0.6))
+    assert table.drift_mm == pytest.approx(1.0), "0.6 and 0.8 at right angles"
+    assert table.turn_deg == 0.0
+    assert table.pelvis_deg["list"] == pytest.approx(2.0)
+    assert table.toppling_nm_per_rad == pytest.approx(700.0)
+    assert len(table.series.time_s) == 100
+    assert table.series.time_s[-1] == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(("changes", "stands"), [
     ({}, True), ({"prosthetic_n": np.full(STEPS, 0.42 * WEIGHT_N)}, False), ({"unconverged_steps": 3}, False)])
 def test_standing_is_weight_within_a_percent_a_millimetre_and_convergence(changes, stands):
     still = np.zeros((STEPS + 1, 6))
-    assert standing_table(made(pelvis=still, **changes))["stands"] is stands
+    assert standing_table(made(pelvis=still, **changes)).stands is stands
 
 
 def test_a_fall_is_no_standing_even_though_the_mean_force_is_the_weight():
     fallen = np.zeros((STEPS + 1, 6))
     fallen[:, 1] = np.linspace(1.0, 0.2, STEPS + 1)
     table = standing_table(made(pelvis=fallen))
-    assert table["weight_error"] == pytest.approx(0.0, abs=1e-12)
-    assert table["stands"] is False
+    assert table.weight_error == pytest.approx(0.0, abs=1e-12)
+    assert table.stands is False
     assert "DOES NOT STAND" in standing_figure(table).get_suptitle()
 
 
@@ -80,6 +80,6 @@ def test_steps_that_did_not_converge_are_shouted():
 
 def test_output_is_numbers_and_figure(tmp_path):
     table = write_standing(made(), tmp_path / "new" / "folder")
-    assert table["notes"] == ["A note."]
+    assert table.notes == ("A note.",)
     assert sorted(p.name for p in (tmp_path / "new" / "folder").glob("[!.]*")) == [
         "standing.json", "standing.png", "standing.svg"]

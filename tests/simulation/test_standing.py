@@ -35,14 +35,14 @@ def test_ten_seconds_carry_the_weight_within_one_percent_and_the_pelvis_stays_wi
     """The aims; McGeehan 2021 reports 2.6 % too little."""
     table = standing_table(standing)
     assert standing.time_s[-1] == pytest.approx(10.0)
-    assert abs(table["weight_error"]) < 0.01
-    assert table["drift_mm"] < 1.0
+    assert abs(table.weight_error) < 0.01
+    assert table.drift_mm < 1.0
     assert standing.unconverged_steps == 0
 
 
 def test_both_feet_share_the_weight(standing):
     table = standing_table(standing)
-    assert 0.05 < table["prosthetic_share"] < 0.95
+    assert 0.05 < table.prosthetic_share < 0.95
     np.testing.assert_allclose(standing.prosthetic_n[-1] + standing.intact_n[-1], standing.weight_n, rtol=1e-3)
 
 

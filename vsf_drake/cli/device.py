@@ -178,7 +178,7 @@ def stand(
         note = (f"The model has the fitted contact of {contact.name} (SHA-256 {sha256(contact)}); what the fit adds to "
                 "offsets and joint angles belongs to its recordings and is left out.")
         standing = dataclasses.replace(standing, notes=(note, *standing.notes))
-    print_text("standing", **write_standing(standing, out))
+    print_text("standing", **vars(write_standing(standing, out)))
     say(f"written to {out}")
 
 

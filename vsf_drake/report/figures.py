@@ -32,7 +32,7 @@ from vsf_drake.report.style import (
     label,
     log_scale,
 )
-from vsf_drake.simulation.results import LARGEST_DRIFT_M, BenchResult, WalkResult
+from vsf_drake.simulation.results import LARGEST_DRIFT_M, BenchResult, StandingTable, WalkResult
 
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
 TITLE_WIDTH = 110  # letters on a line of the title: what the figure is wide enough for
@@ -212,51 +212,51 @@ def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
     label(axes, x="time (s)", y="normal force (N)", title="Simulated load of the zones of the sole, unfiltered")
 
 
-def standing_figure(table: Mapping[str, Any]) -> Figure:
-    """The force under each foot and under both against the weight, and how the pelvis drifts; see `standing_table`."""
+def standing_figure(table: StandingTable) -> Figure:
+    """The force under each foot and under both against the weight, and how the pelvis drifts."""
     with drawing(9.0, 4.2) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
         _forces(left, table)
         _drift(right, table)
-        verdict = "stands" if table["stands"] else "DOES NOT STAND STILL"
-        state = "" if table["converged"] else f", {table['unconverged_steps']} STEPS NOT CONVERGED"
-        figure.suptitle(f"{table['subject']}, {table['prosthetic_side']} prosthesis, fulcrum "
-                        f"{table['fulcrum_mm']:g} mm: {verdict}{state}", x=0.01, ha="left", fontsize=11)
+        verdict = "stands" if table.stands else "DOES NOT STAND STILL"
+        state = "" if table.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
+        figure.suptitle(f"{table.subject}, {table.prosthetic_side} prosthesis, fulcrum "
+                        f"{table.fulcrum_mm:g} mm: {verdict}{state}", x=0.01, ha="left", fontsize=11)
     return figure
 
 
-def _forces(axes: Axes, table: Mapping[str, Any]) -> None:
-    series = table["series"]
-    time, prosthetic, intact = (np.asarray(series[key]) for key in ("time_s", "prosthetic_n", "intact_n"))
-    axes.axhline(table["weight_n"], color=NEUTRAL, label=f"weight, {table['weight_n']:.1f} N", **MEASURED)
+def _forces(axes: Axes, table: StandingTable) -> None:
+    series = table.series
+    time, prosthetic, intact = series.time_s, series.prosthetic_n, series.intact_n
+    axes.axhline(table.weight_n, color=NEUTRAL, label=f"weight, {table.weight_n:.1f} N", **MEASURED)
     axes.plot(time, prosthetic + intact, color=BOTH, linewidth=1.6,
-              label=f"both feet, mean {table['mean_vertical_n']:.1f} N ({table['weight_error']:+.2%})")
+              label=f"both feet, mean {table.mean_vertical_n:.1f} N ({table.weight_error:+.2%})")
     axes.plot(time, intact, color=INTACT, linewidth=1.6, linestyle="-.",
-              label=f"intact foot, {table['intact_share']:.0%}")
+              label=f"intact foot, {table.intact_share:.0%}")
     axes.plot(time, prosthetic, color=PROSTHETIC, linewidth=1.6, linestyle="--",
-              label=f"prosthetic foot, {table['prosthetic_share']:.0%}")
-    axes.set_ylim(0.0, 1.45 * max(table["weight_n"], float(np.max(prosthetic + intact))))
-    axes.set_xlim(0.0, table["duration_s"])
+              label=f"prosthetic foot, {table.prosthetic_share:.0%}")
+    axes.set_ylim(0.0, 1.45 * max(table.weight_n, float(np.max(prosthetic + intact))))
+    axes.set_xlim(0.0, table.duration_s)
     axes.legend(loc="upper left", ncols=2)
     label(axes, x="time (s)", y="vertical force (N)", title="What the ground carries")
 
 
-def _drift(axes: Axes, table: Mapping[str, Any]) -> None:
-    series = table["series"]
-    drift = np.asarray(series["drift_mm"])
-    axes.plot(series["time_s"], drift, color=BOTH, linewidth=1.6)
+def _drift(axes: Axes, table: StandingTable) -> None:
+    series = table.series
+    drift = series.drift_mm
+    axes.plot(series.time_s, drift, color=BOTH, linewidth=1.6)
     axes.axhline(LIMIT_MM, color=NEUTRAL, linewidth=0.8, linestyle=":")
     axes.set_ylim(0.0, 1.6 * max(float(np.max(drift)), LIMIT_MM))
-    axes.set_xlim(0.0, table["duration_s"])
-    angles = table["pelvis_deg"]
-    free = [name.removeprefix("pelvis_") for name in table["free"]]
-    held = [f"{name.removeprefix('pelvis_')} {value:+.1f} N m" for name, value in table["held_nm"].items()]
-    lines = [f"largest {table['drift_mm']:.2g} mm, {table['turn_deg']:.2g}°",
+    axes.set_xlim(0.0, table.duration_s)
+    angles = table.pelvis_deg
+    free = [name.removeprefix("pelvis_") for name in table.free]
+    held = [f"{name.removeprefix('pelvis_')} {value:+.1f} N m" for name, value in table.held_nm.items()]
+    lines = [f"largest {table.drift_mm:.2g} mm, {table.turn_deg:.2g}°",
              f"tilt {angles['tilt']:+.1f}°, list {angles['list']:+.1f}°", f"free: {', '.join(free)}",
              "held by: " + (", ".join(held) or "nothing")]
     axes.text(0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=8, linespacing=1.5)
     label(axes, x="time (s)", y="distance of the pelvis from its start (mm)",
-          title=f"How still: let go {table['let_go_off_rest']['raised_mm']:g} mm off rest")
+          title=f"How still: let go {table.let_go_off_rest.raised_mm:g} mm off rest")
 
 
 def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:

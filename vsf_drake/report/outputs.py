@@ -21,7 +21,15 @@ from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import save_figure
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import result_folder
-from vsf_drake.simulation.results import BenchResult, Standing, WalkResult, save_bench, save_walk, standing_table
+from vsf_drake.simulation.results import (
+    BenchResult,
+    Standing,
+    StandingTable,
+    WalkResult,
+    save_bench,
+    save_walk,
+    standing_table,
+)
 
 _NOT_BY_NAME: dict[str, Any] = {"known": lambda table: False, "damaged_too": False}
 """Of tables whose names others may have too: their folders are told by the record beside them."""
@@ -64,10 +72,11 @@ def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: Offset
     return WALK.write(out, table, more=more)
 
 
-def write_standing(standing: Standing, out: str | Path) -> dict[str, Any]:
+def write_standing(standing: Standing, out: str | Path) -> StandingTable:
     """Writes standing.json, standing.png and standing.svg to the folder `out`; returns the table."""
-    return STANDING.write(out, standing_table(standing), more=lambda folder, table: save_figure(
-        standing_figure(table), folder / "standing"))
+    table = standing_table(standing)
+    STANDING.write(out, plain(table), more=lambda folder, _: save_figure(standing_figure(table), folder / "standing"))
+    return table
 
 
 def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:

@@ -282,8 +282,67 @@ SERIES_RATE_HZ = 50.0  # rate of the series in the table: standing has nothing f
 ATTITUDE = ("tilt", "list", "rotation")
 
 
-def standing_table(standing: Standing) -> dict[str, Any]:
-    """The summary that `vsf-drake stand` writes as standing.json. Newtons, millimetres, degrees."""
+@dataclass(frozen=True, kw_only=True)
+class OffRest:
+    """By how much the pelvis is let go off rest."""
+
+    raised_mm: float
+    turned_deg: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LegLengths:
+    """Of both legs, unloaded (mm)."""
+
+    prosthetic: float
+    intact: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StandingSeries:
+    """What standing looks like, at SERIES_RATE_HZ."""
+
+    time_s: np.ndarray  # (k,)
+    prosthetic_n: np.ndarray  # (k,) vertical force on the foot
+    intact_n: np.ndarray  # (k,)
+    drift_mm: np.ndarray  # (k,) of the pelvis from its start
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StandingTable:
+    """What `vsf-drake stand` writes as standing.json. Newtons, millimetres, degrees."""
+
+    subject: str
+    prosthetic_side: str
+    fulcrum_mm: float
+    duration_s: float
+    weight_n: float
+    mean_vertical_n: float
+    weight_error: float  # share of the weight by which the mean force misses it
+    mean_prosthetic_n: float
+    mean_intact_n: float
+    prosthetic_share: float
+    intact_share: float
+    drift_mm: float  # largest
+    turn_deg: float
+    let_go_off_rest: OffRest
+    pelvis_deg: dict[str, float]  # at the end, by ATTITUDE
+    free: tuple[str, ...]
+    held_nm: dict[str, float]
+    stiffness_nm_per_rad: float | None
+    toppling_nm_per_rad: float  # stiffness that an attitude needs lest the weight topple it
+    centre_of_mass_height_mm: float
+    leg_length_mm: LegLengths
+    unconverged_steps: int
+    refined_steps: int
+    converged: bool
+    stands: bool  # within LARGEST_WEIGHT_ERROR and LARGEST_DRIFT_M, all steps converged
+    notes: tuple[str, ...]
+    series: StandingSeries
+
+
+def standing_table(standing: Standing) -> StandingTable:
+    """The numbers of somebody who stood."""
     every = max(1, round(1.0 / SERIES_RATE_HZ / float(np.diff(standing.time_s, prepend=0.0).mean())))
     rows = slice(every - 1, None, every)
     vertical, pelvis = standing.prosthetic_n + standing.intact_n, standing.pelvis
@@ -291,24 +350,20 @@ def standing_table(standing: Standing) -> dict[str, Any]:
     share = float(standing.prosthetic_n.mean() / vertical.mean())
     drift = np.linalg.norm(pelvis[1:, :3] - pelvis[0, :3], axis=1)
     converged = standing.unconverged_steps == 0
-    return {
-        "subject": standing.name, "prosthetic_side": standing.side, "fulcrum_mm": 1e3 * standing.fulcrum_m,
-        "duration_s": float(standing.time_s[-1]), "weight_n": standing.weight_n,
-        "mean_vertical_n": float(vertical.mean()), "weight_error": error,
-        "mean_prosthetic_n": float(standing.prosthetic_n.mean()), "mean_intact_n": float(standing.intact_n.mean()),
-        "prosthetic_share": share, "intact_share": 1.0 - share,
-        "drift_mm": 1e3 * float(drift.max()), "turn_deg": float(np.degrees(standing.turn_rad)),
-        "let_go_off_rest": {"raised_mm": 1e3 * NUDGE_M, "turned_deg": float(np.degrees(NUDGE_RAD))},
-        "pelvis_deg": dict(zip(ATTITUDE, np.degrees(pelvis[-1, 3:]).tolist(), strict=True)),
-        "free": list(standing.free), "held_nm": standing.held_nm,
-        "stiffness_nm_per_rad": standing.stiffness_nm_per_rad,
-        "toppling_nm_per_rad": standing.weight_n * standing.com_height_m,
-        "centre_of_mass_height_mm": 1e3 * standing.com_height_m,
-        "leg_length_mm": {"prosthetic": 1e3 * standing.leg_lengths_m[0], "intact": 1e3 * standing.leg_lengths_m[1]},
-        "unconverged_steps": standing.unconverged_steps, "refined_steps": standing.refined_steps,
-        "converged": converged,
-        "stands": converged and abs(error) <= LARGEST_WEIGHT_ERROR and float(drift.max()) <= LARGEST_DRIFT_M,
-        "notes": list(standing.notes),
-        "series": {"time_s": standing.time_s[rows], "prosthetic_n": standing.prosthetic_n[rows],
-                   "intact_n": standing.intact_n[rows], "drift_mm": 1e3 * drift[rows]},
-    }
+    return StandingTable(
+        subject=standing.name, prosthetic_side=standing.side, fulcrum_mm=1e3 * standing.fulcrum_m,
+        duration_s=float(standing.time_s[-1]), weight_n=standing.weight_n, mean_vertical_n=float(vertical.mean()),
+        weight_error=error, mean_prosthetic_n=float(standing.prosthetic_n.mean()),
+        mean_intact_n=float(standing.intact_n.mean()), prosthetic_share=share, intact_share=1.0 - share,
+        drift_mm=1e3 * float(drift.max()), turn_deg=float(np.degrees(standing.turn_rad)),
+        let_go_off_rest=OffRest(raised_mm=1e3 * NUDGE_M, turned_deg=float(np.degrees(NUDGE_RAD))),
+        pelvis_deg=dict(zip(ATTITUDE, np.degrees(pelvis[-1, 3:]).tolist(), strict=True)),
+        free=standing.free, held_nm=standing.held_nm, stiffness_nm_per_rad=standing.stiffness_nm_per_rad,
+        toppling_nm_per_rad=standing.weight_n * standing.com_height_m,
+        centre_of_mass_height_mm=1e3 * standing.com_height_m,
+        leg_length_mm=LegLengths(prosthetic=1e3 * standing.leg_lengths_m[0], intact=1e3 * standing.leg_lengths_m[1]),
+        unconverged_steps=standing.unconverged_steps, refined_steps=standing.refined_steps, converged=converged,
+        stands=converged and abs(error) <= LARGEST_WEIGHT_ERROR and float(drift.max()) <= LARGEST_DRIFT_M,
+        notes=standing.notes,
+        series=StandingSeries(time_s=standing.time_s[rows], prosthetic_n=standing.prosthetic_n[rows],
+                              intact_n=standing.intact_n[rows], drift_mm=1e3 * drift[rows]))

@@ -380,10 +380,10 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
             rows[-1]["failure"] = str(error)
             missing.append(f"Standing with the fulcrum at {fulcrum:g} mm failed: {error}")
             continue
-        arrays |= {f"standing_{i}_{name}": np.asarray(stood["series"][name])
+        arrays |= {f"standing_{i}_{name}": getattr(stood.series, name)
                    for name in ("time_s", "prosthetic_n", "intact_n", "drift_mm")}
-        predicted = stood["mean_vertical_n"] / GRAVITY
-        rows[-1] |= {key: stood[key] for key in _TAKEN} | {
+        predicted = stood.mean_vertical_n / GRAVITY
+        rows[-1] |= {key: getattr(stood, key) for key in _TAKEN} | {
             "mass_predicted_kg": predicted, "mass_error": predicted / subject.mass_kg - 1.0}
     if study.options.quick:
         missing.append(f"The short form stands for {QUICK_DURATION_S:g} s, not {DURATION_S:g} s.")
