@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import pytest
 from browser import chromium, look
 from jinja2 import ChoiceLoader, DictLoader, UndefinedError
@@ -49,61 +51,53 @@ def page(templates):
     return of
 
 
-def test_first_thing_on_the_page_is_where_the_data_come_from(page):
-    body = page("<p>One.</p>").partition("<body>")[2]
-    assert body.lstrip().startswith('<p class="synthetic">Walking data are SYNTHETIC.</p>')
-
-
-def test_every_tag_closes_in_turn_and_text_is_escaped(page):
+def test_every_tag_closes_in_turn_text_is_escaped_and_figures_are_inside_the_page(page):
     text = page("<p>{{ odd }}</p><h3>{{ tag }}</h3><ul><li>{{ tag }}</li></ul>{{ missing(cop) }}" + TABLE + FIGURE,
-                odd="a < b & c", tag="<li>", cop="No <CoP>.")
+                odd="a < b & c", tag="<li>", cop="No <CoP>.", links={"the replay": "replay.html"})
+    assert text.partition("<body>")[2].lstrip().startswith(
+        '<p class="synthetic">Walking data are SYNTHETIC.</p>')
+    assert '<a href="replay.html">the replay</a>' in text
     reader = Balanced()
     reader.feed(text.partition("\n")[2])
     assert reader.open == []
     assert "a &lt; b &amp; c" in text
     assert "<CoP>" not in text
     assert "Force &lt;rises&gt;." in text
+    [image] = [attributes for tag, attributes in reader.seen if tag == "img"]
+    assert image["alt"] == "The force rises from 0 to 2 N in 1 s."
+    assert image["src"].startswith("data:image/svg+xml;base64,")
 
 
-def test_figures_are_inside_the_page_with_alternative_text(page):
-    reader = Balanced()
-    reader.feed(page(FIGURE).partition("\n")[2])
-    images = [attributes for tag, attributes in reader.seen if tag == "img"]
-    assert len(images) == 1
-    assert images[0]["alt"] == "The force rises from 0 to 2 N in 1 s."
-    assert images[0]["src"].startswith("data:image/svg+xml;base64,")
-
-
-@pytest.mark.parametrize(
-    ("column", "value", "shown"),
-    [
-        (Column("k", "", "{:.1f}", 100.0), 0.0534, "5.3"),
-        (Column("k", "", "{:.1f}"), None, "–"),
-        (Column("k", "", "{:.1f}"), 0.0, "0.0"),
-        (Column("k", ""), True, "yes"),
-        (Column("k", ""), False, "no"),
-        (Column("k", ""), "low_1", "low_1"),
-    ],
-)
-def test_unknown_values_are_dashes_and_never_numbers(column, value, shown):
-    assert cell(column, value) == shown
-
-
-def test_a_form_without_braces_is_refused_because_it_would_show_itself():
+def test_values_are_numbers_in_their_form_or_words_and_unknown_ones_are_dashes():
+    for column, value, shown in (
+            (Column("k", "", "{:.1f}", 100.0), 0.0534, "5.3"), (Column("k", "", "{:.1f}"), None, "–"),
+            (Column("k", "", "{:.1f}"), 0.0, "0.0"), (Column("k", ""), True, "yes"),
+            (Column("k", ""), "low_1", "low_1")):
+        assert cell(column, value) == shown
     with pytest.raises(ValueError, match="would show itself"):
         Column("k", "", ".1f")
+    for value, form, factor, text in ((None, "{:.1f}", 1.0, "–"), (-0.001, "{:+.2f}", 1.0, "0.00"),
+                                      (0.5, "{:.0f}", 100.0, "50"), ("low", "{:.1f}", 1.0, "low")):
+        assert number(value, form, factor) == text
+    assert said({"a": [1, 2.5, None], "b": True, "c": []}) == "a 1, 2.5, –, b yes, c –"
+    assert [listed(names) for names in ([], ["a"], ["a", "b"], "abc")] == ["–", "a", "a and b", "a, b and c"]
 
 
-def test_a_line_of_the_summary_that_is_not_met_is_marked(page):
-    text = page('{% call table("g", rows, (("met", "met"),)) %}{% endcall %}',
-                rows=[{"met": True}, {"met": False}, {"met": None}])
-    assert text.count('<tr class="unmet">') == 1
+def test_rows_are_mappings_or_records_and_one_that_is_not_met_is_marked(page):
+    table = '{% call table("g", rows, (("met", "met"), ("n", "n", "{:.1f}"))) %}{% endcall %}'
+    rows = [{"met": True}, {"met": False, "n": 2}, {"met": None}]
+    text = page(table, rows=rows)
+    assert text.count('<tr class="unmet">') == 1 and ">2.0</td>" in text
+    assert page(table, rows=[Goal(row["met"], row.get("n")) for row in rows]) == text
 
 
-def test_a_file_beside_the_page_is_linked(page):
-    assert '<a href="replay.html">the replay</a>' in page("<p></p>", links={"the replay": "replay.html"})
+@dataclass(frozen=True)
+class Goal:
+    met: bool | None
+    n: float | None
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("width", [1280, 390])
 def test_a_wide_table_scrolls_by_itself_and_the_page_does_not(page, tmp_path, width):
@@ -117,6 +111,7 @@ def test_a_wide_table_scrolls_by_itself_and_the_page_does_not(page, tmp_path, wi
     assert seen.requests == []
 
 
+@pytest.mark.slow
 @needs_browser
 def test_the_browser_would_notice_overflow_messages_requests_and_missing_images(tmp_path):
     file = tmp_path / "report.html"
@@ -136,17 +131,7 @@ def test_on_paper_a_table_of_many_columns_is_set_smaller(page):
     text = page(TABLE + '{% call table("narrow", rows, columns[:2]) %}Two.{% endcall %}')
     sizes = [float(part.partition("pt")[0]) for part in text.split("--print:")[1:]]
     assert sizes[0] < 4.0 and sizes[1] == 7.5
-    assert "font-size:var(--print)" in text
-
-
-@needs_browser
-def test_figures_keep_a_size_that_can_be_read_on_a_telephone_and_scroll_by_themselves(page, tmp_path):
-    file = tmp_path / "report.html"
-    file.write_text(page(FIGURE), encoding="utf-8")
-    (tmp_path / "work").mkdir()
-    seen = look(file, tmp_path / "work", width=390)
-    assert seen.scroll == seen.width
-    assert "width:720px" in file.read_text(encoding="utf-8")
+    assert "font-size:var(--print)" in text and "width:720px" in page(FIGURE)  # a telephone scrolls a figure
 
 
 TEMPLATE = """
@@ -182,15 +167,3 @@ def test_a_template_that_asks_for_what_nobody_gave_is_an_error_or_said_in_its_pl
         written(templates, "{{ nobody }}", tmp_path)
     text, [shown] = written(templates, "{{ nobody }}", None, lenient=True)
     assert "This version cannot show what the results hold of it" in text and "nobody" in shown.missing[0]
-
-
-@pytest.mark.parametrize(("value", "form", "text"), [
-    (None, "{:.1f}", "–"), (-0.001, "{:+.2f}", "0.00"), (0.5, "{:.0f}", "50"), ("low", "{:.1f}", "low"),
-    (True, "{}", "yes")])
-def test_numbers_of_templates(value, form, text):
-    assert number(value, form, 100.0 if form == "{:.0f}" else 1.0) == text
-
-
-def test_plain_values_and_lists_are_said_in_words():
-    assert said({"a": [1, 2.5, None], "b": True, "c": []}) == "a 1, 2.5, –, b yes, c –"
-    assert [listed(names) for names in ([], ["a"], ["a", "b"], "abc")] == ["–", "a", "a and b", "a, b and c"]

@@ -1,19 +1,23 @@
-"""Figures show what the results hold, with units, and say what a reader must know."""
+"""Figures show what the results hold, with units, in one look, and say what a reader must know."""
 
 from __future__ import annotations
 
 import dataclasses
+import subprocess
+import sys
 
+import matplotlib
 import numpy as np
 import pytest
 from made_results import ZONES, make_bench, make_plate, make_walk
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_rgb, to_rgba
 
 from vsf_drake.analysis.bench_metrics import bench_table
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.report.figures import bench_figure, walk_figure, zone_loads
+from vsf_drake.errors import InputError
+from vsf_drake.report.figures import bench_figure, standing_figure, walk_figure, zone_loads
 from vsf_drake.report.style import condition_colour, save_figure
-from vsf_drake.simulation.results import load_bench, load_walk, save_bench, save_walk
+from vsf_drake.simulation.results import Standing, standing_table
 
 
 def walk_and_figure(**changes):
@@ -25,23 +29,20 @@ def bench_and_figure(bench):
     return bench_figure(bench, bench_table(bench))
 
 
-@pytest.fixture(params=["walk", "bench"])
-def any_figure(request):
-    return walk_and_figure()[1] if request.param == "walk" else bench_and_figure(make_bench())
+def test_every_axis_has_a_unit_also_without_a_stance():
+    walk, plate = make_walk(), make_plate(stances=())
+    bare = walk_figure(walk, plate, walk_metrics(walk, plate))
+    for figure in (walk_and_figure()[1], bench_and_figure(make_bench()), bare):
+        for axes in figure.axes:
+            for text in (axes.get_xlabel(), axes.get_ylabel()):
+                assert text.rstrip().endswith(")") and "(" in text, text
 
 
-def test_every_axis_has_a_unit(any_figure):
-    for axes in any_figure.axes:
-        for text in (axes.get_xlabel(), axes.get_ylabel()):
-            assert text.rstrip().endswith(")"), text
-            assert "(" in text
-
-
-def test_png_and_svg_are_written(any_figure, tmp_path):
-    png, svg = save_figure(any_figure, tmp_path / "figure")
-    assert png.read_bytes().startswith(b"\x89PNG")
-    assert "<svg" in svg.read_text()
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["figure.png", "figure.svg"]
+def test_title_says_what_a_reader_must_know():
+    for changes, words in (({"synthetic": True}, "synthetic walk"), ({"synthetic": False}, "recorded walk"),
+                           ({"converged": False, "unconverged_steps": 7}, "7 STEPS NOT CONVERGED"),
+                           ({"side": "left"}, "left prosthesis, fulcrum 66 mm")):
+        assert words in walk_and_figure(**changes)[1].get_suptitle()
 
 
 def test_forces_are_drawn_in_body_weights_measured_solid_simulated_dashed():
@@ -62,17 +63,6 @@ def test_same_setting_has_the_same_colour_in_both_figures():
     assert to_rgba(curve.get_color()) == to_rgba(force.get_color()) == to_rgba(condition_colour(0.066))
 
 
-@pytest.mark.parametrize(("changes", "words"), [
-    ({"synthetic": True}, "synthetic walk"),
-    ({"synthetic": False}, "recorded walk"),
-    ({"converged": False, "unconverged_steps": 7}, "7 STEPS NOT CONVERGED"),
-    ({"side": "left"}, "left prosthesis, fulcrum 66 mm"),
-])
-def test_title_says_what_a_reader_must_know(changes, words):
-    _, figure = walk_and_figure(**changes)
-    assert words in figure.get_suptitle()
-
-
 def test_only_stances_cut_by_the_simulated_time_are_shaded():
     def shaded(figure):
         return [patch for patch in figure.axes[0].patches if patch.get_width() > 0.0]
@@ -80,12 +70,6 @@ def test_only_stances_cut_by_the_simulated_time_are_shaded():
     cut = shaded(walk_and_figure(start_s=0.8)[1])
     assert len(cut) == 1
     assert cut[0].get_x() == pytest.approx(0.801)
-
-
-def test_walk_without_stance_or_centre_of_pressure_is_drawn_all_the_same(tmp_path):
-    walk, plate = make_walk(), make_plate(stances=())
-    for path in save_figure(walk_figure(walk, plate, walk_metrics(walk, plate)), tmp_path / "empty"):
-        assert path.stat().st_size > 0
 
 
 def test_zones_add_up_to_the_vertical_force():
@@ -109,14 +93,97 @@ def test_published_end_points_are_marked_beside_the_simulated_ones():
     assert drawn == pytest.approx([10.0, 32.0, 65.0])
 
 
-def test_figures_of_loaded_results_are_the_same(tmp_path):
-    walk, plate = make_walk(), make_plate()
-    save_walk(walk, tmp_path / "walk")
-    save_bench(make_bench(), tmp_path / "bench")
-    again, bench = load_walk(tmp_path / "walk"), load_bench(tmp_path / "bench")
-    pairs = (("w", walk_figure(walk, plate, walk_metrics(walk, plate)),
-              walk_figure(again, plate, walk_metrics(again, plate))),
-             ("b", bench_and_figure(make_bench()), bench_and_figure(bench)))
-    for name, first, second in pairs:
-        one, two = save_figure(first, tmp_path / f"{name}1")[0], save_figure(second, tmp_path / f"{name}2")[0]
+# Standing.
+
+
+STEPS, STEP_S, WEIGHT_N = 2000, 1e-3, 700.0
+
+
+def stood(**changes) -> Standing:
+    """Two seconds at 40 % on the prosthesis, the pelvis moving evenly by 0.6 mm forward and 0.8 mm to the right."""
+    time = STEP_S * np.arange(1, STEPS + 1)
+    pelvis = np.zeros((STEPS + 1, 6))
+    pelvis[:, 0], pelvis[:, 2] = np.linspace(0, 0.6e-3, STEPS + 1), np.linspace(0, 0.8e-3, STEPS + 1)
+    pelvis[:, 4] = np.radians(2.0)
+    standing = Standing(
+        time_s=time, prosthetic_n=np.full(STEPS, 0.4 * WEIGHT_N), intact_n=np.full(STEPS, 0.6 * WEIGHT_N),
+        pelvis=pelvis, weight_n=WEIGHT_N, fulcrum_m=0.108, side="left", name="somebody",
+        free=("pelvis_tx", "pelvis_ty", "pelvis_tz"),
+        held_nm={"pelvis_tilt": -21.0, "pelvis_list": 3.0, "pelvis_rotation": 0.0}, stiffness_nm_per_rad=None,
+        com_height_m=1.0, leg_lengths_m=(0.95, 0.96), unconverged_steps=0, notes=("A note.",))
+    return dataclasses.replace(standing, **changes)
+
+
+def test_table_states_forces_shares_and_drift():
+    table = standing_table(stood())
+    assert table.mean_vertical_n == pytest.approx(WEIGHT_N)
+    assert table.weight_error == pytest.approx(0.0, abs=1e-12)
+    assert (table.prosthetic_share, table.intact_share) == (pytest.approx(0.4), pytest.approx(0.6))
+    assert table.drift_mm == pytest.approx(1.0), "0.6 and 0.8 at right angles"
+    assert table.turn_deg == 0.0
+    assert table.pelvis_deg["list"] == pytest.approx(2.0)
+    assert table.toppling_nm_per_rad == pytest.approx(700.0)
+    assert len(table.series.time_s) == 100
+    assert table.series.time_s[-1] == pytest.approx(2.0)
+
+
+def test_standing_is_weight_within_a_percent_a_millimetre_and_convergence():
+    still = np.zeros((STEPS + 1, 6))
+    assert standing_table(stood(pelvis=still)).stands
+    assert not standing_table(stood(pelvis=still, prosthetic_n=np.full(STEPS, 0.42 * WEIGHT_N))).stands
+    unconverged = standing_table(stood(pelvis=still, unconverged_steps=3))
+    assert not unconverged.stands and "3 STEPS NOT CONVERGED" in standing_figure(unconverged).get_suptitle()
+    # A fall is no standing, even though the mean force is the weight.
+    fallen = np.zeros((STEPS + 1, 6))
+    fallen[:, 1] = np.linspace(1.0, 0.2, STEPS + 1)
+    table = standing_table(stood(pelvis=fallen))
+    assert table.weight_error == pytest.approx(0.0, abs=1e-12)
+    assert table.stands is False
+    assert "DOES NOT STAND" in standing_figure(table).get_suptitle()
+
+
+def test_figure_draws_each_foot_their_sum_and_the_weight():
+    figure = standing_figure(standing_table(stood()))
+    forces, drift = figure.axes
+    drawn = {line.get_label().split(",")[0]: line.get_ydata() for line in forces.lines}
+    assert set(drawn) == {"weight", "both feet", "intact foot", "prosthetic foot"}
+    np.testing.assert_allclose(drawn["both feet"], WEIGHT_N)
+    np.testing.assert_allclose(drawn["prosthetic foot"], 0.4 * WEIGHT_N)
+    np.testing.assert_allclose(drawn["weight"], WEIGHT_N)
+    assert np.max(drift.lines[0].get_ydata()) == pytest.approx(1.0)
+    for axes in figure.axes:
+        assert axes.get_xlabel().endswith("(s)")
+        assert axes.get_ylabel().endswith((" (N)", " (mm)"))
+    shown = drift.texts[0].get_text()
+    assert "tilt -21.0 N m" in shown and "free: tx, ty, tz" in shown
+
+
+# The look.
+
+
+def lightness(colour):
+    return float(np.dot(to_rgb(colour), [0.2126, 0.7152, 0.0722]))
+
+
+def test_settings_keep_their_order_in_grey_print():
+    grey = [lightness(condition_colour(p)) for p in (None, 0.066, 0.087, 0.108, 0.129, 0.151)]
+    assert np.all(np.diff(grey[1:]) > 0.03)
+    assert grey[-1] < 0.6, "the lightest must still stand out from white paper"
+
+
+def test_same_figure_gives_the_same_bytes_whatever_the_users_settings_are(tmp_path):
+    first = save_figure(standing_figure(standing_table(stood())), tmp_path / "a")
+    assert [p.name for p in first] == ["a.png", "a.svg"] == sorted(p.name for p in tmp_path.iterdir())
+    with matplotlib.rc_context({"font.size": 30.0, "lines.linewidth": 9.0}):
+        second = save_figure(standing_figure(standing_table(stood())), tmp_path / "b")
+        assert matplotlib.rcParams["font.size"] == 30.0
+    for one, two in zip(first, second, strict=True):
         assert one.read_bytes() == two.read_bytes()
+    with pytest.raises(InputError, match="cannot be written"):
+        save_figure(standing_figure(standing_table(stood())), tmp_path / "missing" / "a")
+
+
+def test_figures_need_neither_pyplot_nor_drake():
+    code = ("import sys, vsf_drake.report.figures, vsf_drake.analysis.metrics\n"
+            "assert not [m for m in sys.modules if m.startswith(('pydrake', 'matplotlib.pyplot'))], 'imported'")
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -16,7 +16,6 @@ from matplotlib.patches import Patch
 from vsf_drake.analysis.bench_metrics import closed_form_stiffness, displacement, published_stiffness
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
 from vsf_drake.analysis.metrics import Agreement
-from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.report.style import (
@@ -33,6 +32,9 @@ from vsf_drake.report.style import (
     log_scale,
 )
 from vsf_drake.simulation.results import LARGEST_DRIFT_M, BenchResult, StandingTable, WalkResult
+
+if TYPE_CHECKING:  # it would bring Drake
+    from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
 
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
 TITLE_WIDTH = 110  # letters on a line of the title: what the figure is wide enough for
