@@ -11,7 +11,7 @@ from made_c3d import write_c3d
 from made_laboratory import MASS, Laboratory
 
 from vsf_drake.analysis.intake import IntakeOptions, gather, take_in, walk_names
-from vsf_drake.analysis.recording.examine import examine, weighed
+from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.motion import read_trial
@@ -123,13 +123,6 @@ def test_inverse_kinematics_leaves_the_prosthetic_foot_where_its_markers_show_it
     assert fitted.tracked.residual_rms_m == plain.tracked.residual_rms_m
 
 
-def test_progress_names_each_walk(tmp_path):
-    laboratory, told = Laboratory(tmp_path), []
-    files = gather(laboratory.standing(), [laboratory.walk("one.trc")])
-    take_in(files, IntakeOptions(person=PERSON), progress=lambda what, share: told.append((what, share)))
-    assert told == [("importing one.trc", 0.0)]
-
-
 def test_model_feet_are_those_that_the_simulation_walks_on():
     trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
     item = examine(trial)
@@ -156,11 +149,6 @@ def test_offsets_of_the_manifest_move_the_prosthesis_that_is_judged():
     # along the shank, which leans back by some 20 degrees at touch-down
     assert there.value - here.value == pytest.approx(30.0 * np.cos(np.radians(20.0)), abs=2.0)
     assert there.mark == "doubtful"
-
-
-def test_only_marker_trials_tell_which_foot_was_where():
-    with pytest.raises(ValueError, match="markers"):
-        weighed(load_trial(resource("data/reference_subject/exact/medium_1.yaml")))
 
 
 def test_each_walk_may_have_its_own_fulcrum_and_the_person_stays_one(tmp_path):

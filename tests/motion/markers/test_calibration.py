@@ -44,14 +44,6 @@ def test_nothing_is_zeroed_while_standing():
     assert straight["pelvis_ty"] > angles["pelvis_ty"]
 
 
-def test_a_foot_is_as_long_as_its_sole():
-    found = calibrated(standing(label_set="opensim"), label_set="opensim")
-    for side in SIDES:
-        sole = UNEQUAL.sole(side)
-        assert found.feet[side].p_FHeel == pytest.approx(sole[0], abs=1e-9)
-        assert found.feet[side].p_FToe == pytest.approx(sole[1], abs=1e-9)
-
-
 def settled(subject):
     """What the prosthesis gave (m) under half of the weight while the person stood on it."""
     return settling(0.5 * GRAVITY * subject.mass_kg, ModelParameters())
@@ -121,10 +113,6 @@ def test_gaps_in_some_frames_do_no_harm():
     assert_truth(calibrated(recording), UNEQUAL, "plug_in_gait")
 
 
-def test_one_frame_is_enough():
-    assert_truth(calibrated(standing(frames=1)), UNEQUAL, "plug_in_gait")
-
-
 def test_the_quietest_second_is_taken():
     sway = np.concatenate([0.2 * np.sin(np.linspace(0, 6, 200)), np.zeros(100), 0.2 * np.sin(np.linspace(0, 6, 100))])
     found = calibrated(standing({"pelvis_tx": sway}, rate_hz=100.0))
@@ -158,20 +146,6 @@ def test_stature_is_estimated_from_the_leg_and_called_an_estimate():
 def test_what_no_recording_tells_must_be_stated(missing, option):
     with pytest.raises(InputError, match=option):
         calibrated(standing(), **{missing: None})
-
-
-@pytest.mark.parametrize("wrong, message", [({"knee_width_mm": 0.1}, "knee_width_mm"), ({"sex": "m"}, "female or male"),
-                                            ({"mass_kg": 78000.0}, "mass_kg")])
-def test_facts_in_another_unit_are_refused(wrong, message):
-    with pytest.raises(InputError, match=message):
-        calibrated(standing(), **wrong)
-
-
-def test_unequal_legs_are_reported():
-    person = Person(thigh=(0.45, 0.41), shank=(0.40, 0.44))
-    found = calibrated(standing(person=person), person)
-    assert any("thigh differ: 450 and 410 mm" in note for note in found.notes)
-    assert "thigh +40 mm" in found.method[-1]
 
 
 def independent_centres(markers, side):
@@ -220,3 +194,111 @@ def test_real_walks_calibrate_without_a_standing_trial(shared_data, path, name, 
     assert abs(lengths["thigh_right"] - lengths["thigh_left"]) < 0.02
     assert abs(lengths["shank_right"] - lengths["shank_left"]) < 0.02
     assert abs(found.subject.prosthesis_alignment_rad) < 0.3
+
+
+# The load under which a prosthesis was measured, where plates tell it.
+
+
+def test_plates_under_both_feet_tell_the_share_of_the_weight_and_one_under_both_none():
+    """0.6 of it on the prosthesis settles it by more than the half that is taken without plates."""
+    person, weight, samples = Person(), 80.0 * GRAVITY, 2000
+
+    def plate_under(point, share):
+        return Plate("1", np.tile([0.0, 0.0, share * weight], (samples, 1)),
+                     np.tile([point[0], point[1], 0.0], (samples, 1)), np.zeros(samples))
+
+    def length_on(*plates):
+        recording = standing({}, person, label_set="rajagopal", plates=plates, force_rate_hz=1000.0 if plates else None)
+        return calibrated(recording, person, label_set="rajagopal").subject.prosthesis_length_m
+
+    feet = [made_person.poses({}, person)[f"foot_{side}"][1][0] for side in SIDES]
+    plates = [plate_under(foot, share) for foot, share in zip(feet, (0.6, 0.4), strict=True)]
+    model = ModelParameters()
+    expected = settling(0.6 * weight, model) - settling(0.5 * weight, model)
+    assert length_on(*plates) - length_on() == pytest.approx(expected, abs=1e-9)
+    assert expected > 5e-4
+    assert length_on(plate_under((0.0, 0.0), 1.0)) == length_on()
+
+
+# Markers that are not where their labels say are refused, and named.
+
+
+def standing_markers(label_set="rajagopal", frames=100):
+    return made_person.markers({}, label_set=label_set, frames=frames)
+
+
+def woman(markers, name="rajagopal", **more):
+    return calibrate(made_person.recording_of(markers, **more), load_marker_map(name),
+                     PersonFacts(mass_kg=80, sex="female", prosthetic_side="left"))
+
+
+@pytest.mark.parametrize(("label_set", "pairs", "named"), [
+    ("rajagopal", [("RASI", "LASI")], ["RASI", "LASI"]), ("rajagopal", [("RLFC", "LLFC")], ["RLFC", "LLFC"]),
+    ("rajagopal", [("RCAL", "LCAL")], ["RCAL", "LCAL"]), ("rajagopal", [("RASI", "RPSI")], ["RASI", "RPSI"]),
+    ("rajagopal", [("RASI", "RPSI"), ("LASI", "LPSI")], ["RASI", "RPSI", "LASI", "LPSI"]),
+    ("rajagopal", [("RLFC", "RLMAL")], ["RLFC", "RLMAL"]), ("rajagopal", [("LLFC", "LMFC")], ["LLFC", "LMFC"]),
+    ("rajagopal", [("LLMAL", "LMMAL")], ["LLMAL", "LMMAL"]), ("rajagopal", [("RCAL", "RMT2")], ["RCAL", "RMT2"]),
+    ("rajagopal", [("RTH1", "LTH1")], ["RTH1"]), ("rajagopal", [("RTH1", "RTB3")], ["RTH1"]),
+    ("rajagopal", [("LTB2", "LPSI")], []), ("ior", [("LFM", "LVM")], ["LFM", "LVM"])])
+def test_exchanged_markers_are_named(label_set, pairs, named):
+    markers = standing_markers(label_set)
+    exchanged = markers | {a: markers[b] for pair in pairs for a, b in (pair, pair[::-1])}
+    with pytest.raises(InputError) as caught:
+        woman(exchanged, label_set)
+    assert all(label in str(caught.value.where) for label in named) and caught.value.right
+    woman(markers, label_set)
+
+
+@pytest.mark.parametrize("pair", [
+    ("RASI", "RTHI"), ("RKNE", "RTHI"), ("LANK", "LTIB"), ("LANK", "LHEE"), ("LANK", "LTOE"), ("RTHI", "RTIB"),
+    ("RKNM", "RMED"), ("LKNE", "LHEE"), ("RPSI", "RTHI")])
+def test_neighbours_exchanged_are_refused_and_one_of_them_named(pair):
+    markers = standing_markers("plug_in_gait")
+    with pytest.raises(InputError) as caught:
+        woman(markers | dict(zip(pair, (markers[pair[1]], markers[pair[0]]), strict=True)), "plug_in_gait")
+    assert any(label in str(caught.value.where) for label in pair)
+
+
+def test_what_cannot_be_a_standing_person_is_refused():
+    markers = standing_markers(frames=300)
+    shaken = markers["RLFC"] + 0.05 * np.sin(np.linspace(0, 60, 300))[:, None] * [1, 0, 0]
+    for wrong, words in (({"RLMAL": markers["RMMAL"].copy()}, "RLMAL, RMMAL: lie in the same place"),
+                         ({label: x + np.array([0, 0, 1.0]) for label, x in markers.items()},
+                          r"1\.0\d\d m above the floor"),
+                         ({"RLFC": shaken}, r"RLFC.*moves 3\d mm RMS"),
+                         ({"RLFC": np.full((300, 3), np.nan)}, "knee lateral right")):
+        with pytest.raises(InputError, match=words):
+            woman(markers | wrong, rate_hz=100.0)
+    for scale in (1e3, 1e-3):
+        with pytest.raises(InputError):
+            woman({label: scale * x for label, x in markers.items()})
+
+
+def test_a_marker_seen_too_rarely_is_left_out_with_a_note():
+    markers = standing_markers(frames=200)
+    markers["RTH1"][10:] = np.nan
+    calibration = woman(markers)
+    assert "RTH1" not in calibration.segments["thigh_right"].labels
+    assert any("not used: RTH1" in note for note in calibration.notes)
+
+
+def test_markers_never_seen_together_are_refused():
+    markers = standing_markers(frames=300)
+    markers["RLFC"][:150], markers["LLFC"][150:] = np.nan, np.nan
+    both = woman(markers, rate_hz=100.0)
+    assert both.lengths_m == pytest.approx(woman(standing_markers()).lengths_m), "both are seen within one second"
+    markers["RLFC"][:200], markers["LLFC"][100:] = np.nan, np.nan
+    with pytest.raises(InputError, match="not seen together"):
+        woman(markers, rate_hz=100.0)
+
+
+@pytest.mark.parametrize("heading", [0.5, 3.1, -2.4])
+def test_it_does_not_matter_where_the_person_faces(heading):
+    c, s = np.cos(heading), np.sin(heading)
+    R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    straight = woman(standing_markers())
+    turned = woman({label: x @ R.T for label, x in standing_markers().items()})
+    assert turned.lengths_m == pytest.approx(straight.lengths_m)
+    for name, segment in straight.segments.items():
+        assert turned.segments[name].p_BM == pytest.approx(segment.p_BM, abs=1e-12)
+    assert turned.angles_rad["pelvis_rotation"] == pytest.approx(heading)
