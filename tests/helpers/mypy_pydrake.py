@@ -1,8 +1,8 @@
 """For mypy, where pydrake's stubs say less than is so.
 
 An array is there `ndarray[float64[3, 1]]` or `ndarray[float64, flags.writeable]`, which numpy's types have no word for:
-here it is a bare `np.ndarray`. `DiagramBuilder.AddSystem` gives back the system that it was given, not some System, and
-`MultibodyPlant.AddJoint` the joint.
+here it is a bare `np.ndarray`. What a builder or a plant adds it gives back as it was given, not as some System, Frame
+or Joint.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from collections.abc import Callable
 from mypy.plugin import AnalyzeTypeContext, MethodContext, Plugin
 from mypy.types import AnyType, Type, TypeOfAny, UnboundType
 
-ADDING = ("pydrake.systems.framework.DiagramBuilder.AddSystem",
-          "pydrake.systems.framework.DiagramBuilder.AddNamedSystem",
-          "pydrake.multibody.plant.MultibodyPlant.AddJoint")
+BUILDER, PLANT = "pydrake.systems.framework.DiagramBuilder", "pydrake.multibody.plant.MultibodyPlant"
+ADDING = (f"{BUILDER}.AddSystem", f"{BUILDER}.AddNamedSystem", f"{PLANT}.AddFrame", f"{PLANT}.AddJoint")
 
 
 class Pydrake(Plugin):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import BodyIndex, PrismaticJoint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from vsf_drake.ground import Ground, GroundPatch
@@ -50,7 +50,7 @@ class BenchDiagram:
     foot: FootHandles
     forces: FootForces  # of keel and fulcrum, without contact
     machine: TestingMachine
-    machine_bodies: list  # body of each site that the platen presses
+    machine_bodies: list[BodyIndex]  # body of each site that the platen presses
     contact_height: float  # height (m) in W at which the platen touches the unloaded foot
 
 

@@ -36,6 +36,7 @@ from pydrake.geometry import (
     InMemoryMesh,
     Mesh,
     ProximityProperties,
+    Shape,
     Sphere,
 )
 from pydrake.math import RigidTransform, RotationMatrix
@@ -95,6 +96,7 @@ def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str)
     stiffness, rate = point_law(sites)
     for i in np.flatnonzero(stiffness):
         properties, body = ProximityProperties(), plant.get_body(sites.body_indices[i])
+        shape: Shape
         if contact == "drake_point":
             AddContactMaterial(rate[i], stiffness[i], mu, properties)
             name, shape, place = f"foam_{i}", Sphere(sites.radius[i]), sites.p_BS[i]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from pydrake.geometry import GeometryId, Role, SceneGraph, SceneGraphInspector, Shape
+from pydrake.geometry import GeometryId, GeometryProperties, Role, SceneGraph, SceneGraphInspector, Shape, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
@@ -80,7 +80,7 @@ def _written(template: str, parameters: FootParameters, fulcrum_m: float | None,
     return f"{head}{end}{ET.tostring(root, encoding='unicode')}\n"
 
 
-def _text(values: float | Iterable[float]) -> str:
+def _text(values: npt.ArrayLike) -> str:
     """12 digits, for the thirteenth may differ from one machine to another; below 1e-15 is what rounding left of 0."""
     return " ".join("0" if abs(value) < 1e-15 else f"{float(value):.12g}" for value in np.atleast_1d(values))
 
@@ -132,7 +132,7 @@ def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[Link]]:
     add_contact_geometry(plant, foot, "drake_point")
     plant.Finalize()
     inspector = scene_graph.model_inspector()
-    carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).child_body()
+    carriage = foot.carriage_joint(plant).child_body()
     bodies, starts = (foot.frame, *foot.keel, carriage), (0.0, *foot.keel_starts, 0.0)
     return foot, [_link(plant, inspector, body, start) for body, start in zip(bodies, starts, strict=True)]
 
@@ -142,7 +142,7 @@ def _link(plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody
     centre = inertia.get_com()
     drawings = tuple(Drawing(
         name=inspector.GetName(i).split("::")[-1], shape=inspector.GetShape(i), X_BG=inspector.GetPoseInFrame(i),
-        colour=inspector.GetIllustrationProperties(i).GetProperty("phong", "diffuse").rgba)
+        colour=_properties(inspector.GetIllustrationProperties(i)).GetProperty("phong", "diffuse").rgba)
         for i in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(body.index()), Role.kIllustration))
     return Link(
         name=body.name(), mass=inertia.get_mass(), p_BBcm=centre,
@@ -150,12 +150,18 @@ def _link(plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody
         drawings=drawings, pads=tuple(pad_of(inspector, i) for i in plant.GetCollisionGeometriesForBody(body)))
 
 
+def _properties(properties: GeometryProperties | None) -> Any:
+    """What has values of any type by their names."""
+    return properties
+
+
 def pad_of(inspector: SceneGraphInspector, shape: GeometryId) -> Pad:
     """What `inspector` knows of a collision sphere."""
-    properties = inspector.GetProximityProperties(shape)
+    properties, sphere = _properties(inspector.GetProximityProperties(shape)), inspector.GetShape(shape)
+    assert isinstance(sphere, Sphere)
     return Pad(
         name=inspector.GetName(shape).split("::")[-1], p_BS=inspector.GetPoseInFrame(shape).translation(),
-        radius=inspector.GetShape(shape).radius(),
+        radius=sphere.radius(),
         stiffness=properties.GetProperty("material", "point_contact_stiffness"),
         dissipation=properties.GetProperty("material", "hunt_crossley_dissipation"),
         friction=properties.GetProperty("material", "coulomb_friction"))

@@ -70,7 +70,7 @@ def mount_pose(
 ) -> RigidTransform:
     """X_KM, pose of the mount M in K, of a foot that is raised against the pylon by `height` (m), which shortens the
     prosthesis, shifted forward under it by `fore_aft` (m) and turned toes-up by `alignment` (rad)."""
-    p_KM = [foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot) - height]
+    p_KM = np.array([foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot) - height])
     return RigidTransform(RotationMatrix.MakeYRotation(alignment), p_KM)
 
 
@@ -78,7 +78,8 @@ def set_mount(
     context: Context, handles: FootHandles, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0
 ) -> None:
     """Changes position and angle of the foot under its pylon in the plant's `context`; see `mount_pose`."""
-    check_context(handles.mount.GetParentPlant(), context)
+    plant: MultibodyPlant = handles.frame.GetParentPlant()  # type: ignore[no-untyped-call]  # the stub has no types
+    check_context(plant, context)
     pose = mount_pose(handles.parameters, height=height, fore_aft=fore_aft, alignment=alignment)
     handles.mount.SetPoseInParentFrame(context, pose)
 
@@ -197,7 +198,7 @@ def _add_keel(
         size = (length, keel.width_m, keel.thickness_m)
         inertia = box(keel.density_kg_m3 * float(np.prod(size)), size, (0.5 * length, 0.0, 0.0))
         body = plant.AddRigidBody(f"keel_body_{i}", instance, inertia)
-        offset = RigidTransform([start - (starts[i - 1] if i else 0.0), 0.0, 0.0])
+        offset = RigidTransform(np.array([start - (starts[i - 1] if i else 0.0), 0.0, 0.0]))
         joint_frame = plant.AddFrame(FixedOffsetFrame(f"{names[i]}_frame", parent.body_frame(), offset, instance))
         plant.AddJoint(RevoluteJoint(names[i], joint_frame, body.body_frame(), RIGHTWARD))
         bodies.append(body)
@@ -289,7 +290,7 @@ def with_implicit_device(plant: MultibodyPlant, foot: FootHandles) -> FootHandle
         if stiffness > 0.0:
             actuator = plant.AddJointActuator(f"{foot.name}_{name}", plant.GetJointByName(name, foot.instance))
             actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
-    plant.GetJointByName(foot.carriage_joint_name, foot.instance).set_default_translation(foot.fulcrum_m)
+    foot.carriage_joint(plant).set_default_translation(foot.fulcrum_m)
     rod = _rod(foot, foot.fulcrum_m)
     try:
         return replace(foot, support=plant.AddDistanceConstraint(
@@ -311,14 +312,15 @@ def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandl
 
 def support_of(foot: FootHandles) -> MultibodyConstraintId:
     """The constraint that is the support of `foot`; raises InputError for a foot in a continuous plant."""
-    require(foot.support is not None, f"the foot {foot.name!r} is in a continuous plant", "foot",
-            "There the support follows its port by itself: leave this call out")
+    if foot.support is None:
+        raise InputError(f"the foot {foot.name!r} is in a continuous plant", where="foot",
+                         right="There the support follows its port by itself: leave this call out")
     return foot.support
 
 
 def _rod(foot: FootHandles, fulcrum_m: float) -> DistanceConstraintParams:
     piece, fulcrum = foot.keel_body_at(fulcrum_m), foot.parameters.fulcrum
     return DistanceConstraintParams(
-        bodyA=foot.keel[piece].index(), p_AP=[fulcrum_m - foot.keel_starts[piece], 0.0, 0.0],
-        bodyB=foot.frame.index(), p_BQ=[fulcrum_m, 0.0, ROD_M], distance=ROD_M,
+        bodyA=foot.keel[piece].index(), p_AP=np.array([fulcrum_m - foot.keel_starts[piece], 0.0, 0.0]),
+        bodyB=foot.frame.index(), p_BQ=np.array([fulcrum_m, 0.0, ROD_M]), distance=ROD_M,
         stiffness=fulcrum.stiffness_n_per_m, damping=fulcrum.stiffness_n_per_m * fulcrum.damping_time_s)

@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, ModelInstanceIndex, MultibodyConstraintId, RigidBody
+from pydrake.multibody.tree import (
+    BodyIndex,
+    FixedOffsetFrame,
+    ModelInstanceIndex,
+    MultibodyConstraintId,
+    PrismaticJoint,
+    RigidBody,
+)
 from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError, require
@@ -20,7 +27,7 @@ FULCRUM_M = 0.108
 class ContactSites:
     """The contact spheres of one foot, one row each (N spheres); arrays (N,) in SI units."""
 
-    body_indices: list
+    body_indices: list[BodyIndex]
     p_BS: np.ndarray  # (N, 3) m, centres in the frames of those bodies
     radius: np.ndarray
     stiffness: np.ndarray
@@ -37,7 +44,7 @@ class ContactSites:
         return {name: getattr(self, name) for name in names}
 
 
-def zone_sites(zones: tuple[ContactZone, ...], body_indices: list, p_BS: np.ndarray) -> ContactSites:
+def zone_sites(zones: tuple[ContactZone, ...], body_indices: list[BodyIndex], p_BS: np.ndarray) -> ContactSites:
     """Sites of `zones` in their order, with every zone's law repeated for each of its spheres."""
     count = [len(zone.x_mm) for zone in zones]
     fields = {"radius": "radius_m", "stiffness": "stiffness", "exponent": "exponent", "damping": "damping_n_s_per_m",
@@ -58,7 +65,7 @@ class FootHandles:
     side: str  # "left", "right", or "either" where nobody said
     instance: ModelInstanceIndex  # in which the foot's joint names are unique
     frame: RigidBody  # the rigid frame; its body frame is K
-    mount: Frame  # M on `frame`, where the pylon attaches; its pose can be changed in a Context
+    mount: FixedOffsetFrame  # M on `frame`, where the pylon attaches; its pose can be changed in a Context
     keel: list[RigidBody]  # from A to the toe, their frames at their joints, x along the keel
     keel_starts: np.ndarray  # (len(keel),) distance (m) of each body's frame from A
     keel_joint_names: tuple[str, ...]  # the pin at A, then the sprung joints
@@ -72,6 +79,12 @@ class FootHandles:
     def keel_body_at(self, x: float) -> int:
         """Index into `keel` of the body that carries the point `x` (m from A)."""
         return int(np.clip(np.searchsorted(self.keel_starts, x, side="right") - 1, 0, len(self.keel) - 1))
+
+    def carriage_joint(self, plant: MultibodyPlant) -> PrismaticJoint:
+        """The slide of the fulcrum's carriage in the foot's `plant`."""
+        joint = plant.GetJointByName(self.carriage_joint_name, self.instance)
+        assert isinstance(joint, PrismaticJoint)
+        return joint
 
 
 def check_type(value: object, kind: type, where: str, right: str) -> None:

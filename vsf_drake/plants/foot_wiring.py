@@ -133,19 +133,18 @@ def wire_foot(
             body_indices=[body.index() for body in (foot.frame, *foot.keel)], geometry_ids=own_geometry(plant, foot)))
         builder.Connect(plant.get_contact_results_output_port(), reaction.GetInputPort("contact_results"))
     if foot.support is None:
-        forces = _add_forces(builder, plant, foot, law, device | contact)
-        return WiredFoot(foot=foot, forces=forces, reaction=reaction)
+        return WiredFoot(foot, _add_forces(builder, plant, foot, law, device | contact), reaction)
     joints = [plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices(foot.instance)]
     command = builder.AddNamedSystem(f"{foot.name}_command", FulcrumCommand(
         num_actuators=len(joints), carriage=joints.index(foot.carriage_joint_name), fulcrum_m=fulcrum_m))
     builder.Connect(command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(foot.instance))
-    forces = None
+    forces: FootForces | None = None
     if law:
         without = dict.fromkeys(DEVICE, 0.0) | {"fulcrum_m": fulcrum_m}
         forces = _add_forces(builder, plant, foot, law, without | contact, grip=grip_limit(foot, plant.time_step()))
-    told = _add_forces(builder, plant, foot, None, device, name="device" if law else "forces", acts=False)
-    builder.Connect(command.GetOutputPort("position"), told.GetInputPort("fulcrum_position"))
-    return WiredFoot(foot=foot, forces=forces or told, reaction=reaction, device=told, command=command)
+    borne = _add_forces(builder, plant, foot, None, device, name="device" if law else "forces", acts=False)
+    builder.Connect(command.GetOutputPort("position"), borne.GetInputPort("fulcrum_position"))
+    return WiredFoot(foot=foot, forces=forces or borne, reaction=reaction, device=borne, command=command)
 
 
 def wire_unloaded_foot(builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles) -> FootForces:
@@ -185,7 +184,7 @@ def _add_forces(
         keel_starts=foot.keel_starts, law=law, constants=constants, grip_limit=grip,
         site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices])
     if foot.support is None:  # else the servo would pull the carriage from A to the fulcrum in the first millisecond
-        slide.set_default_translation(constants["fulcrum_m"])
+        foot.carriage_joint(plant).set_default_translation(constants["fulcrum_m"])
     if acts:
         return add_forces(builder, plant, f"{foot.name}_{name}", forces)
     builder.AddNamedSystem(f"{foot.name}_{name}", forces)
@@ -245,15 +244,15 @@ def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot
     working if it is set before this: it is called first, and what it returns counts.
     """
     for wired in feet:
-        require(hasattr(wired, "command"), f"is a {type(wired).__name__}", "feet", "Give what wire_foot returned")
+        check_type(wired, WiredFoot, "feet", "Give what wire_foot returned")
         support_of(wired.foot)
     earlier = simulator.get_monitor()
 
     def monitor(root: Context) -> EventStatus | None:
-        status = earlier(root) if earlier else None
+        status = None if earlier is None else earlier(root)
         for wired in feet:
-            own = wired.command.GetMyContextFromRoot(root)
-            wanted = float(wired.command.GetOutputPort("position").Eval(own)[0])
+            port: Any = wired.command.GetOutputPort("position") if wired.command else None
+            wanted = float(port.Eval(port.get_system().GetMyContextFromRoot(root))[0])
             plant_context = plant.GetMyMutableContextFromRoot(root)
             stands = plant.GetDistanceConstraintParams(plant_context, support_of(wired.foot)).p_BQ()[0]
             if abs(wanted - stands) > 1e-9:
@@ -332,7 +331,7 @@ def add_fulcrum_drive(
             f"{foot.name}'s fulcrum_position",
             "A fulcrum has one master: leave the port free, and give the drive a desired position")
     if initial_m is None:
-        initial_m = plant.GetJointByName(foot.carriage_joint_name, foot.instance).get_default_translation()
+        initial_m = foot.carriage_joint(plant).get_default_translation()
     fulcrum = foot.parameters.fulcrum
     controller = SwingController(signal=signal, initial_position=initial_m, period=period_s)
     actuator = builder.AddNamedSystem(f"{foot.name}_actuator", FulcrumActuator(

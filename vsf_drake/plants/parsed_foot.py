@@ -1,4 +1,4 @@
-"""A foot that Drake's Parser has read, as handles for `wire_foot`: found by its names and held against its parameters.
+"""A foot that Drake's Parser has read, as handles for `wire_foot`: actual by its names and held against its parameters.
 
 The file carries masses, frames, joints, the keel's springs and dampers, and the contact spheres; the parameters carry
 the rest (friction, foam, support). Both must be of one foot, so all that the file does carry is compared with what
@@ -10,15 +10,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.geometry import Role, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
+    FixedOffsetFrame,
     ForceElementIndex,
     Joint,
     LinearBushingRollPitchYaw,
     ModelInstanceIndex,
     PrismaticJoint,
+    RevoluteJoint,
     RevoluteSpring,
     RigidBody,
 )
@@ -75,20 +78,23 @@ def find_foot(
     mount_name = reference.mount.name()
     _require(plant.HasFrameNamed(mount_name, instance), f"has no frame {mount_name}", name, _NO_FOOT)
     mount = plant.GetFrameByName(mount_name, instance)
+    assert isinstance(mount, FixedOffsetFrame)
     _require_pose(mount.GetFixedPoseInBodyFrame(), reference.mount.GetFixedPoseInBodyFrame(), f"{name}: {mount_name}")
     elements = [plant.get_force_element(ForceElementIndex(i)) for i in range(plant.num_force_elements())]
     _require(not any(isinstance(force, LinearBushingRollPitchYaw) and force.link1().model_instance() == instance
                      for force in elements), "has its support in the file already, at a fixed place", name, _MOVABLE)
-    *joints, slide = [_joint(plant, instance, reference_plant.GetJointByName(joint), name)
-                      for joint in (*reference.keel_joint_names, reference.carriage_joint_name)]
+    joints = [_joint(plant, instance, reference_plant.GetJointByName(joint), name)
+              for joint in reference.keel_joint_names]
+    _joint(plant, instance, reference.carriage_joint(reference_plant), name)
     springs = [force for force in elements if isinstance(force, RevoluteSpring)]
     stiffness, damping = _left_to_wire(springs, joints, reference, name)
     sites = replace(reference.sites, body_indices=[bodies[i].index() for i in reference.sites.body_indices])
     foot = replace(
         reference, name=name, side=checked_side(parameters, side), instance=instance,
         frame=bodies[reference.frame.index()], mount=mount, keel=[bodies[body.index()] for body in reference.keel],
-        joint_stiffness=stiffness, joint_damping=damping, sites=sites, fulcrum_m=_fulcrum(slide, reference, fulcrum_m))
-    foot = replace(foot, contact=_contact(plant, foot, contact, scene_graph))
+        joint_stiffness=stiffness, joint_damping=damping, sites=sites)
+    foot = replace(foot, fulcrum_m=_fulcrum(foot.carriage_joint(plant), reference, fulcrum_m),
+                   contact=_contact(plant, foot, contact, scene_graph))
     if plant.time_step() == 0.0:
         return foot
     in_plant = (foot.joint_stiffness == 0.0) & (reference.joint_stiffness > 0.0)
@@ -106,19 +112,19 @@ def _require(holds: object, otherwise: str, where: str, right: str = _AGAIN) -> 
     require(holds, otherwise, where, right)
 
 
-def _close(found: object, expected: object, size: float = 1.0) -> bool:
-    return np.allclose(found, expected, rtol=0.0, atol=AGREEMENT * size)
+def _close(actual: npt.ArrayLike, expected: npt.ArrayLike, size: float = 1.0) -> bool:
+    return np.allclose(actual, expected, rtol=0.0, atol=AGREEMENT * size)
 
 
-def _require_pose(found: RigidTransform, expected: RigidTransform, where: str) -> None:
-    a, b = found.translation(), expected.translation()
+def _require_pose(actual: RigidTransform, expected: RigidTransform, where: str) -> None:
+    a, b = actual.translation(), expected.translation()
     _require(_close(a, b), f"is at {a} m, by the parameters at {b} m", where)
-    _require(found.IsNearlyEqualTo(expected, AGREEMENT), "is turned against where the parameters have it", where)
+    _require(actual.IsNearlyEqualTo(expected, AGREEMENT), "is turned against where the parameters have it", where)
 
 
 def _named_instance(plant: MultibodyPlant, instance: ModelInstanceIndex | str) -> tuple[str, ModelInstanceIndex]:
     names = [plant.GetModelInstanceName(ModelInstanceIndex(i)) for i in range(plant.num_model_instances())]
-    known = instance if isinstance(instance, str) else dict(enumerate(names)).get(int(instance))
+    known = instance if isinstance(instance, str) else dict(enumerate(names)).get(int(instance), "")
     require(known in names, f"the plant has no model instance {instance!r}", "instance",
             f"It has {', '.join(names[2:]) or 'none'}")
     return known, plant.GetModelInstanceByName(known)
@@ -128,13 +134,12 @@ def _body(plant: MultibodyPlant, instance: ModelInstanceIndex, like: RigidBody, 
     """The body of the same name, after a check of its mass, centre of mass and inertia."""
     _require(plant.HasBodyNamed(like.name(), instance), f"has no body {like.name()}", foot, _NO_FOOT)
     body = plant.GetBodyByName(like.name(), instance)
-    found, expected = body.default_spatial_inertia(), like.default_spatial_inertia()
-    where, mass = f"{foot}: {body.name()}", expected.get_mass()
-    _require(_close(found.get_mass(), mass, mass), f"weighs {found.get_mass():.6g} kg, by the parameters {mass:.6g} kg",
-             where)
-    _require(_close(found.get_com(), expected.get_com()),
-             f"has its centre of mass at {found.get_com()} m, by the parameters at {expected.get_com()} m", where)
-    a, b = (inertia.CalcRotationalInertia().CopyToFullMatrix3() for inertia in (found, expected))
+    actual, expected = body.default_spatial_inertia(), like.default_spatial_inertia()
+    where, weight, mass = f"{foot}: {body.name()}", actual.get_mass(), expected.get_mass()
+    _require(_close(weight, mass, mass), f"weighs {weight:.6g} kg, by the parameters {mass:.6g} kg", where)
+    _require(_close(actual.get_com(), expected.get_com()),
+             f"has its centre of mass at {actual.get_com()} m, by the parameters at {expected.get_com()} m", where)
+    a, b = (inertia.CalcRotationalInertia().CopyToFullMatrix3() for inertia in (actual, expected))
     _require(_close(a, b, np.abs(b).max()),
              f"has moments of inertia {np.diag(a)} kg m^2, by the parameters {np.diag(b)}", where)
     return body
@@ -150,12 +155,17 @@ def _joint(plant: MultibodyPlant, instance: ModelInstanceIndex, like: Joint, foo
              _MOVABLE if slides else _AGAIN)
     between, expected = ([body.name() for body in (j.parent_body(), j.child_body())] for j in (joint, like))
     _require(between == expected, f"joins {' and '.join(between)}", where)
-    found, axis = (j.translation_axis() if slides else j.revolute_axis() for j in (joint, like))
-    _require(_close(found, axis), f"has the axis {found}, by the parameters {axis}", where)
+    along, axis = (_axis(j) for j in (joint, like))
+    _require(_close(along, axis), f"has the axis {along}, by the parameters {axis}", where)
     for frame, wanted in ((joint.frame_on_parent(), like.frame_on_parent()),
                           (joint.frame_on_child(), like.frame_on_child())):
         _require_pose(frame.GetFixedPoseInBodyFrame(), wanted.GetFixedPoseInBodyFrame(), where)
     return joint
+
+
+def _axis(joint: Joint) -> np.ndarray:
+    assert isinstance(joint, PrismaticJoint | RevoluteJoint)
+    return joint.translation_axis() if isinstance(joint, PrismaticJoint) else joint.revolute_axis()
 
 
 def _left_to_wire(
@@ -169,14 +179,15 @@ def _left_to_wire(
             _require(rest == 0.0, f"its spring is at rest at {rest:g} rad, but must be at 0",
                      f"{foot}: {spring.joint().name()}")
             held[spring.joint().index()] += spring.default_stiffness()
+    damping = [float(joint.default_damping_vector()[0]) for joint in joints]
     left = []
-    for what, found, wanted in (
+    for what, of_plant, wanted in (
             ("stiffness of {:.6g} N m/rad", list(held.values()), reference.joint_stiffness),
-            ("damping of {:.6g} N m s/rad", [joint.default_damping() for joint in joints], reference.joint_damping)):
-        for joint, have, want in zip(joints, found, wanted, strict=True):
+            ("damping of {:.6g} N m s/rad", damping, reference.joint_damping)):
+        for joint, have, want in zip(joints, of_plant, wanted, strict=True):
             _require(have == 0.0 or _close(have, want, want),
                      f"has a {what.format(have)}, by the parameters {want:.6g}", f"{foot}: {joint.name()}")
-        left.append(np.where(np.array(found) != 0.0, 0.0, wanted))
+        left.append(np.where(np.array(of_plant) != 0.0, 0.0, wanted))
     return left[0], left[1]
 
 
@@ -203,8 +214,9 @@ def _contact(plant: MultibodyPlant, foot: FootHandles, contact: str, scene_graph
                  f"the plant has {len(spheres)} collision spheres of the foot, which {contact!r} would act beside",
                  where, "Give scene_graph, from which they are then taken out, or contact=\"drake_point\", or export "
                  "the foot with --no-collision")
-        for sphere in spheres:
-            scene_graph.RemoveRole(plant.get_source_id(), sphere, Role.kProximity)
+        if scene_graph is not None:
+            for sphere in spheres:
+                scene_graph.RemoveRole(plant.get_source_id(), sphere, Role.kProximity)
         return contact
     _require(contact == "drake_point", f"{contact!r} is not what the file's collision spheres are made for", where,
              "Use add_foot for it, or \"drake_point\"")
@@ -214,12 +226,12 @@ def _contact(plant: MultibodyPlant, foot: FootHandles, contact: str, scene_graph
              "Register the plant with a SceneGraph before parsing (AddMultibodyPlantSceneGraph), and export the foot "
              "with collision spheres")
     again = "Export the file again from these parameters"
-    for found in (pad_of(inspector, sphere) for sphere in spheres) if scene_graph is not None else ():
-        _require(found.name in pads, f"the parameters have no sphere {found.name}", where, again)
-        wanted = _numbers(pads[found.name])
-        for what, have in _numbers(found).items():
+    for actual in (pad_of(inspector, sphere) for sphere in spheres) if scene_graph is not None else ():
+        _require(actual.name in pads, f"the parameters have no sphere {actual.name}", where, again)
+        wanted = _numbers(pads[actual.name])
+        for what, have in _numbers(actual).items():
             _require(np.isclose(have, wanted[what], rtol=AGREEMENT, atol=AGREEMENT),
-                     f"{found.name} has {what} {have:.6g}, by the parameters {wanted[what]:.6g}", where, again)
+                     f"{actual.name} has {what} {have:.6g}, by the parameters {wanted[what]:.6g}", where, again)
     return contact
 
 

@@ -163,8 +163,8 @@ def add_socket(
     add_chain(plant, instance, shank, np.array([0.0, 0.0, -residual_length]), socket, [
         *translations(SOCKET_COORDINATES[:3], (FORWARD, LEFTWARD, UPWARD)),
         *rotations(SOCKET_COORDINATES[3:], mirrored)])
-    distal = plant.AddFrame(
-        FixedOffsetFrame("pylon_distal", pylon.body_frame(), RigidTransform([0.0, 0.0, -pylon_length]), instance))
+    lower_end = RigidTransform(np.array([0.0, 0.0, -pylon_length]))
+    distal = plant.AddFrame(FixedOffsetFrame("pylon_distal", pylon.body_frame(), lower_end, instance))
     p = parameters
     return SocketHandles(parameters=p, socket=socket, pylon=pylon, distal=distal, coordinate_names=SOCKET_COORDINATES,
                          axes=(p.tx, p.ty, p.tz, p.flexion, p.adduction, p.rotation))

@@ -130,21 +130,21 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
         if meshcat is not None:
             MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     else:
-        scene_graph = SceneGraph() if visual else None
+        drawn = SceneGraph() if visual else None
         if scenario.kind == "bench":
-            parts = make_bench(model.foot, heel=scenario.heel, scene_graph=scene_graph)
+            parts = make_bench(model.foot, heel=scenario.heel, scene_graph=drawn)
             foot = parts.foot
         else:
             given = scenario.subject
             subject = given if isinstance(given, Subject) else load_subject(file_of(str(given)))
             try:
                 parts = make_gait(subject, model, scenario_ground(scenario), free=scenario.free,
-                                  scene_graph=scene_graph)
+                                  scene_graph=drawn)
             except ValueError as error:
                 raise InputError(str(error), where="free") from error
             foot = parts.person.foot
         plant, feet = parts.plant, {foot.name: foot}
-        plant.GetJointByName(foot.carriage_joint_name).set_default_translation(1e-3 * scenario.fulcrum_mm)
+        foot.carriage_joint(plant).set_default_translation(1e-3 * scenario.fulcrum_mm)
         _embed(builder, scenario, parts.diagram, meshcat)
     diagram = builder.Build()
     diagram.set_name(scenario.name)
@@ -198,10 +198,10 @@ def _add_leg(
     own = {foot.instance for foot in feet}
     if any(plant.get_joint_actuator(i).model_instance() not in own for i in plant.GetJointActuatorIndices()):
         builder.ExportInput(plant.get_actuation_input_port(), "actuation")
-    for name, foot in wired.items():
+    for name, part in wired.items():
         prefix = f"{name}_" if len(wired) > 1 else ""
-        builder.ExportInput(foot.fulcrum_position, f"{prefix}fulcrum_position")
-        export_outputs(builder, foot, [name for name in (*ON_THE_GROUND, *FORCES) if name in foot.outputs()], prefix)
+        builder.ExportInput(part.fulcrum_position, f"{prefix}fulcrum_position")
+        export_outputs(builder, part, [name for name in (*ON_THE_GROUND, *FORCES) if name in part.outputs()], prefix)
     export_outputs(builder, plant, ("state", "body_poses", "body_spatial_velocities"))
     return plant, scene_graph, wired
 
@@ -212,7 +212,7 @@ def _parse(plant: MultibodyPlant, scenario: Scenario) -> None:
     path = file_of(scenario.robot) if scenario.robot else None
     if path is not None and not scenario.directives:
         with _refused("robot", "Drake cannot read the model", file=str(path)):
-            parser.AddModels(str(path))
+            parser.AddModels(path)
         return
     # Together, because Drake's directives know only models that directives have added.
     first = [] if path is None else [{"add_directives": {"file": path.absolute().as_uri()}}]

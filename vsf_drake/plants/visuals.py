@@ -7,6 +7,7 @@ segments. The frame's box, the carriage with its roller under the keel and the i
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydrake.common import MemoryFile
@@ -70,7 +71,7 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
     for piece, length in zip(foot.keel, (ends - foot.keel_starts).tolist(), strict=True):
         draw(plant, piece, "piece", Box(length, keel.width_m, keel.thickness_m), KEEL, (0.5 * length, 0.0, 0.0))
     # In the model the carriage, here with a roller under the keel, holds the keel from both sides.
-    carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).child_body()
+    carriage = foot.carriage_joint(plant).child_body()
     roller, width = 0.2 * foot.parameters.foam_thickness_m, 1.1 * keel.width_m
     draw(plant, carriage, "roller", Cylinder(roller, width), CARRIAGE, (0.0, 0.0, -0.5 * keel.thickness_m - roller),
          RotationMatrix.MakeXRotation(0.5 * np.pi))
@@ -113,7 +114,7 @@ def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
     """Gives the world a plate for each patch of `ground` (None: the plane z = 0), which ends 3 m from the patch's point
     that is nearest to x = reference_x, y = 0."""
     for i, patch in enumerate((ground or Ground()).patches):
-        bounds = {}
+        bounds: dict[str, Any] = {}
         for axis, about in (("x", patch.reference_x_m), ("y", 0.0)):
             start, end = getattr(patch, f"from_{axis}_m"), getattr(patch, f"to_{axis}_m")
             middle = min(max(about, start), end)
@@ -130,13 +131,16 @@ def connect_scene_graph(builder: DiagramBuilder, plant: MultibodyPlant, scene_gr
     builder.AddNamedSystem("scene_graph", scene_graph)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
-    builder.Connect(plant.get_geometry_pose_output_port(), scene_graph.get_source_pose_port(plant.get_source_id()))
+    source = plant.get_source_id()
+    assert source is not None
+    builder.Connect(plant.get_geometry_pose_output_port(), scene_graph.get_source_pose_port(source))
 
 
 def draw(plant: MultibodyPlant, body: RigidBody, name: str, shape: Shape, colour: Colour,
          p_BG: np.ndarray | tuple[float, float, float] = (0.0, 0.0, 0.0), R_BG: RotationMatrix | None = None) -> None:
     """Gives `body` a visual `shape` at p_BG (m), turned by R_BG."""
-    plant.RegisterVisualGeometry(body, RigidTransform(R_BG or RotationMatrix(), p_BG), shape, name, np.array(colour))
+    X_BG = RigidTransform(R_BG or RotationMatrix(), np.asarray(p_BG))
+    plant.RegisterVisualGeometry(body, X_BG, shape, name, np.array(colour))
 
 
 def _draw_sites(plant: MultibodyPlant, sites: ContactSites, name: str) -> None:
@@ -162,4 +166,4 @@ def frustum_shape(proximal: float, distal: float, length: float) -> Mesh:
     lines.append("f " + " ".join(f"{i}//{_SIDES + 1}" for i in range(1, _SIDES + 1)))
     lines.append("f " + " ".join(f"{i}//{_SIDES + 2}" for i in range(2 * _SIDES, _SIDES, -1)))
     text = "\n".join(lines) + "\n"
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text.encode(), ".obj", "frustum.obj")))
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(contents=text, extension=".obj", filename_hint="frustum.obj")))

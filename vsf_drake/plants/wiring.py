@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import count
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from pydrake.common.value import Value
@@ -24,6 +24,8 @@ from vsf_drake.systems.joint_forces import GaitDriver
 SERVO_FREQUENCY = 2 * np.pi * 600.0
 """Natural frequency (rad/s) of the servos that hold prescribed coordinates under a Simulator (a choice)."""
 
+S = TypeVar("S", bound=LeafSystem)
+
 
 def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, system: LeafSystem) -> None:
     """Feeds `system` from the plant: body poses, body spatial velocities and state, whichever it takes."""
@@ -32,7 +34,7 @@ def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, system: L
             builder.Connect(plant.GetOutputPort(name), system.GetInputPort(name))
 
 
-def add_forces(builder: DiagramBuilder, plant: MultibodyPlant, name: str, system: Any) -> Any:
+def add_forces(builder: DiagramBuilder, plant: MultibodyPlant, name: str, system: S) -> S:
     """Adds `system`, fed from the plant, and applies what it exerts to it; returns it."""
     builder.AddNamedSystem(name, system)
     connect_kinematics(builder, plant, system)
@@ -118,12 +120,18 @@ def check_port(builder: DiagramBuilder, port: OutputPort, size: int | None = Non
     """Raises InputError unless `port` is an output of a system in `builder`, and a vector of that size if given."""
     check_open(builder)
     check_type(port, OutputPort, "port", "Give an output port: system.GetOutputPort(name)")
-    where = f"port {port.get_name()!r}"
-    require(any(system is port.get_system() for system in builder.GetSystems()),
-            f"is of {port.get_system().get_name()!r}, which is not in this builder", where,
+    where, owner = f"port {port.get_name()!r}", _owner(port)
+    require(any(system is owner for system in builder.GetSystems()),
+            f"is of {owner.get_name()!r}, which is not in this builder", where,
             "Add its system to the builder of the plant")
     require(size is None or (port.get_data_type() == PortDataType.kVectorValued and port.size() == size),
             f"has {port.size()} elements", where, right)
+
+
+def _owner(port: InputPort | OutputPort) -> System:
+    owner = port.get_system()
+    assert isinstance(owner, System)
+    return owner
 
 
 def _sources(builder: DiagramBuilder) -> dict[tuple[System, int], tuple[System, int]]:
@@ -133,15 +141,15 @@ def _sources(builder: DiagramBuilder) -> dict[tuple[System, int], tuple[System, 
 
 def _share(builder: DiagramBuilder, port: OutputPort, target: InputPort, both: Callable[[], LeafSystem]) -> None:
     """Connects `port` to `target`, beside what is connected there by way of a union of two, which `both` makes."""
-    sources, where = _sources(builder), (target.get_system(), int(target.get_index()))
+    sources, where = _sources(builder), (_owner(target), int(target.get_index()))
     waiting = [where]
     while waiting:  # through all unions, for the port may be one of the summands already
-        system, index = sources.get(waiting.pop(), (None, 0))
-        require((system, index) != (port.get_system(), int(port.get_index())),
+        source = sources.get(waiting.pop())
+        require(source != (_owner(port), int(port.get_index())),
                 f"acts on the plant already, by its {target.get_name()}", f"port {port.get_name()!r}",
                 "Share it once; the ports of a foot are shared by wire_foot")
-        if isinstance(system, (Adder, ExternallyAppliedSpatialForceMultiplexer)):
-            waiting += [(system, i) for i in range(system.num_input_ports())]
+        if source and isinstance(source[0], (Adder, ExternallyAppliedSpatialForceMultiplexer)):
+            waiting += [(source[0], i) for i in range(source[0].num_input_ports())]
     if where not in sources:
         builder.Connect(port, target)
         return
@@ -163,9 +171,10 @@ def to_symbolic(diagram: Diagram) -> Diagram:
     Raises:
         InputError: a system in it has no symbolic form; the message names each and says why.
     """
-    converted = diagram.ToSymbolicMaybe()
+    converted: Any = diagram.ToSymbolicMaybe()
     if converted is not None:
-        return converted
+        symbolic: Diagram = converted
+        return symbolic
     reasons, systems = [], list(diagram.GetSystems())
     while systems:
         system = systems.pop(0)

@@ -32,8 +32,8 @@ SCALARS = ("threshold_velocity", "depth_width", "rate_width", "fulcrum_stiffness
 SITE_COLUMNS = ("radius", "stiffness", "exponent", "damping", "full_damping_depth", "dissipation")
 PATCH_COLUMNS = ("ground_reference_x", "ground_height", "ground_slope", "ground_bank", "ground_compliance",
                  "mu_static", "mu_kinetic")
-CONTACT_LAWS = ("kelvin_voigt", "smooth", "hunt_crossley")
 SMOOTH, HUNT_CROSSLEY = 1, 2
+"""Numbers of these contact laws; 0 is kelvin_voigt."""
 HEAD = 15
 """Numbers before the joints': wrench 6, carriage, support, grf 3, cop 3, free moment."""
 
@@ -98,7 +98,7 @@ def foot_vector(
     """All outputs of one foot, see `slices`.
 
     Args:
-        law: index into CONTACT_LAWS. starts: (m,) m, of the keel joints. site_keel: (N,) keel body of each sphere, -1
+        law: its number. starts: (m,) m, of the keel joints. site_keel: (N,) keel body of each sphere, -1
             for the frame. p_BS: (N, 3). sites: (N, SITE_COLUMNS).
         patches: (M, PATCH_COLUMNS). bounds: (M, 4). joints: (m, 2) stiffness and damping. scalars: SCALARS.
         at: (2, m + 1) where keel joints and carriage are in the state. velocities: how many the plant has.

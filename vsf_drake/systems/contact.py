@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, SupportsInt
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -23,7 +23,7 @@ class _AtSites(System):
     same and costs less to hand over.
     """
 
-    def _declare_sites(self, body_indices: Sequence[int], *kinematics: str) -> int:
+    def _declare_sites(self, body_indices: Sequence[SupportsInt], *kinematics: str) -> int:
         """Returns N."""
         bodies, self._row = np.unique([int(index) for index in body_indices], return_inverse=True)
         self._bodies = [int(body) for body in bodies]
@@ -91,7 +91,7 @@ class KelvinVoigtContact(_AtSites):
     """
 
     def __init__(
-        self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, stiffness: np.ndarray,
+        self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, radius: np.ndarray, stiffness: np.ndarray,
         exponent: np.ndarray, damping: np.ndarray, full_damping_depth: np.ndarray, ground_height: float = 0.0,
         unloading: str = "continuous"
     ) -> None:
@@ -153,7 +153,7 @@ class StickSlipFriction(_AtSites):
     """
 
     def __init__(
-        self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, mu_static: float,
+        self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, radius: np.ndarray, mu_static: float,
         mu_kinetic: float, threshold_velocity: float, smooth: bool = False
     ) -> None:
         self._smooth, count = smooth, self._declare_sites(body_indices)
@@ -220,7 +220,7 @@ class GroundReaction(_AtSites):
     """
 
     def __init__(
-        self, *, body_indices: Sequence[int], p_BS: np.ndarray, radius: np.ndarray, ground_height: float = 0.0
+        self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, radius: np.ndarray, ground_height: float = 0.0
     ) -> None:
         count = self._declare_sites(body_indices, "body_poses")
         self._declare_inputs(normal_force=count, friction_force=3 * count)
@@ -271,7 +271,7 @@ class DrakeReaction(System):
         geometry_ids: the collision geometries on them.
     """
 
-    def __init__(self, *, body_indices: Sequence[int], geometry_ids: Iterable[GeometryId | int]) -> None:
+    def __init__(self, *, body_indices: Sequence[SupportsInt], geometry_ids: Iterable[GeometryId | int]) -> None:
         self._bodies = frozenset(int(i) for i in body_indices)
         self._geometries = frozenset(_number(id) for id in geometry_ids)
         self._arguments["geometry_ids"] = self._geometries
@@ -359,7 +359,7 @@ class TestingMachine(_AtSites):
     __test__ = False  # not a test class, whatever pytest thinks of its name
 
     def __init__(
-        self, *, body_indices: Sequence[int], p_BS: np.ndarray, stiffness: np.ndarray, exponent: np.ndarray,
+        self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, stiffness: np.ndarray, exponent: np.ndarray,
         damping: np.ndarray, full_damping_depth: np.ndarray
     ) -> None:
         count = self._declare_sites(body_indices)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, SupportsInt
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -11,7 +11,6 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
 from vsf_drake.systems._foot_kernel import (
-    CONTACT_LAWS,
     PATCH_COLUMNS,
     SCALARS,
     SITE_COLUMNS,
@@ -21,6 +20,8 @@ from vsf_drake.systems._foot_kernel import (
 )
 from vsf_drake.systems._system import System, system_template
 
+CONTACT_LAWS = ("kelvin_voigt", "smooth", "hunt_crossley")
+"""In the order of their numbers in the kernel."""
 PER_JOINT = ("joint_stiffness", "joint_damping")
 DEVICE = dict.fromkeys(PER_JOINT, "m") | dict.fromkeys(
     ("fulcrum_stiffness", "fulcrum_damping", "fulcrum_m", "carriage_gain", "carriage_rate_gain"), "")
@@ -102,8 +103,8 @@ class FootForces(System):
 
     def __init__(
         self, *, num_positions: int, num_velocities: int, position_indices: Sequence[int],
-        velocity_indices: Sequence[int], frame_body_index: int, keel_starts: np.ndarray, site_keel: Sequence[int],
-        law: str | None, constants: dict[str, Any], grip_limit: np.ndarray | None = None
+        velocity_indices: Sequence[int], frame_body_index: SupportsInt, keel_starts: np.ndarray,
+        site_keel: Sequence[int], law: str | None, constants: dict[str, Any], grip_limit: np.ndarray | None = None
     ) -> None:
         if law is not None and law not in CONTACT_LAWS:
             raise ValueError(f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None")

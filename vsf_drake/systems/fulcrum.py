@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, SupportsInt
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
@@ -62,7 +62,7 @@ class FulcrumSupport(System):
     """
 
     def __init__(
-        self, *, frame_body_index: int, X_FK: RigidTransform, keel_body_indices: Sequence[int],
+        self, *, frame_body_index: SupportsInt, X_FK: RigidTransform, keel_body_indices: Sequence[SupportsInt],
         keel_body_starts: np.ndarray, stiffness: float, damping: float
     ) -> None:
         starts = np.array(keel_body_starts, dtype=float)

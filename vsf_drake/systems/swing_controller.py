@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, SupportsInt
 
 import numpy as np
 from pydrake.math import arctan2
@@ -157,7 +157,7 @@ class ShankAngle(System):
         body_index: the body B that bears the sensor.
     """
 
-    def __init__(self, *, body_index: int) -> None:
+    def __init__(self, *, body_index: SupportsInt) -> None:
         self._body = int(body_index)
         self._declare_kinematics()
         self._declare_output("shank_angle", 2, self._angle)
