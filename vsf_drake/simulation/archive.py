@@ -45,14 +45,14 @@ def check_target(out: str | Path, kind: str, known: Callable[[Path], bool] = lam
         others = out.is_dir() and any(not path.name.startswith(".") for path in out.iterdir())
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=out) from None
-    found = None
+    earlier = None
     if (out / sidecar).is_file():
         with contextlib.suppress(InputError):  # a damaged one, or another program's
-            found = load_plain(out / sidecar)
-    found = found.get("kind") if isinstance(found, dict) else None
-    if found not in (None, kind):
-        raise InputError(f"holds the result of a {found}", file=out, right=f"Choose another folder for this {kind}")
-    if others and found is None and not record and not known(out):
+            earlier = load_plain(out / sidecar)
+    earlier = earlier.get("kind") if isinstance(earlier, dict) else None
+    if earlier not in (None, kind):
+        raise InputError(f"holds the result of a {earlier}", file=out, right=f"Choose another folder for this {kind}")
+    if others and earlier is None and not record and not known(out):
         raise InputError(f"holds other things than an earlier {kind}", file=out, right="Choose another folder")
 
 
@@ -212,7 +212,7 @@ def _earlier(out: Path, kind: str, stale: Iterable[str] = ()) -> dict[str, str |
 # Which software made a result.
 
 
-def provenance(inputs: dict[str, str] | None = None, seed: int | None = None) -> dict:
+def provenance(inputs: dict[str, str] | None = None, seed: int | None = None) -> dict[str, Any]:
     """Versions, SHA-256 of the `inputs` by file name, and the seed, for a result's sidecar."""
     return {"versions": dict(_versions()), "inputs_sha256": dict(inputs or {}), "seed": seed}
 

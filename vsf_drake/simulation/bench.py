@@ -35,7 +35,7 @@ def advance_to_load(
     SimulationError if they never do, with the `travel_m` (n + 1,) until then, of which part of the foot and `where`.
     """
     def reached(done: int, record: Record) -> bool:
-        return record.site("normal_force")[done - 1].sum() >= load_n
+        return bool(record.site("normal_force")[done - 1].sum() >= load_n)
 
     record = stepper.run(inputs, q0, np.zeros_like(q0), stop=reached)
     load = record.site("normal_force").sum(axis=1)

@@ -168,22 +168,22 @@ class BenchStiffness:
 
 def _picked(every: np.ndarray, columns: Sequence[int | None]) -> np.ndarray:
     """(m, P) of these columns of (m, N), zero where there is none."""
-    found = np.zeros((len(every), len(columns)))
+    picked = np.zeros((len(every), len(columns)))
     for i, column in enumerate(columns):
         if column is not None:
-            found[:, i] = every[:, column] + 0.0  # no -0
-    return found
+            picked[:, i] = every[:, column] + 0.0  # no -0
+    return picked
 
 
 class _Foam:
     """Contact spheres pressed together by a flat platen."""
 
     def __init__(self, foot: FootParameters, pressed: Callable[[float], bool]) -> None:
-        found = [(z, 1e-3 * rise) for z, zone in enumerate(foot.zones)
-                 for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True) if pressed(1e-3 * x)]
-        if not found:
+        spheres = [(z, 1e-3 * rise) for z, zone in enumerate(foot.zones)
+                   for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True) if pressed(1e-3 * x)]
+        if not spheres:
             raise InputError("no contact sphere lies where the testing machine presses", where="foot.zones")
-        self.zone, self.height = np.array([z for z, _ in found]), np.array([rise for _, rise in found])
+        self.zone, self.height = np.array([z for z, _ in spheres]), np.array([rise for _, rise in spheres])
         self.share = np.eye(len(foot.zones))[self.zone]
 
     def touched_zone(self, law: np.ndarray) -> int:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
 from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram
@@ -28,6 +28,14 @@ UNLIMITED = 1e30
 LARGEST_KEEL_ANGLE = 1.0  # turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)
 LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
 """Displacement of the socket (m, rad) beyond which it is no longer on the limb (a choice)."""
+
+
+class _Parametrised(Protocol):
+    """A system of this package whose parameters have names."""
+
+    def GetMyContextFromRoot(self, root_context: Context, /) -> Any: ...
+
+    def GetParameter(self, context: Any, name: str) -> np.ndarray: ...
 
 
 def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
@@ -109,9 +117,9 @@ def supported_over(mechanism: Mechanism, width_m: float) -> Mechanism:
     return dataclasses.replace(mechanism, support_width=width)
 
 
-def _reader(system: LeafSystem, context: Context) -> Callable[[str], Any]:
-    own = system.GetMyContextFromRoot(context)
-    return lambda name: system.GetParameter(own, name)
+def _reader(system: _Parametrised, context: Context) -> Callable[[str], Any]:
+    system_context = system.GetMyContextFromRoot(context)
+    return lambda name: system.GetParameter(system_context, name)
 
 
 def _integers(indices: Iterable[Any]) -> np.ndarray:

@@ -16,7 +16,9 @@ from vsf_drake.simulation.stepping.assembly import SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
 from vsf_drake.simulation.stepping.tree import (
     REST,
+    Motion,
     Tree,
+    TreeArrays,
     dot,
     inertia_in_world,
     inertia_times,
@@ -116,7 +118,7 @@ def _socket(mechanism: Mechanism, record: Record) -> tuple[np.ndarray, np.ndarra
 def socket_wrench(mechanism: Mechanism, record: Record) -> np.ndarray:
     """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of the steps."""
     q, v, constants = _socket(mechanism, record)
-    return axis_force(q, v, **constants)
+    return np.asarray(axis_force(q, v, **constants))
 
 
 def load_sensitivity(
@@ -128,13 +130,13 @@ def load_sensitivity(
     stop = constants["stop_ratio"]
     by_q = -k * (1.0 + stop * (np.abs(q) > constants["limit"]))
     by_v = -constants["damping"] * (1.0 + stop * (np.abs(v) > constants["rate_limit"]))
-    found = by_q[:, :, None] * record.q_by[:, index] + by_v[:, :, None] * record.v_by[:, index]
+    socket = by_q[:, :, None] * record.q_by[:, index] + by_v[:, :, None] * record.v_by[:, index]
     for p, edit in enumerate(edits):
         if edit.springs is not None:
             # The law is linear in its constants: their unit as a bushing gives the derivative.
             unit = constants | dict(zip(SPRING_COLUMNS[:3], edit.springs[SOCKET, :3].T, strict=True))
-            found[:, :, p] += axis_force(q, v, **unit)
-    return LoadSensitivity(names=names, load=record.load_by, socket=found, q=record.q_by, v=record.v_by)
+            socket[:, :, p] += axis_force(q, v, **unit)
+    return LoadSensitivity(names=names, load=record.load_by, socket=socket, q=record.q_by, v=record.v_by)
 
 
 # How bodies of a walk move. Vectors are spatial, in W and about its origin (`simulation.stepping.tree`): (angular
@@ -160,22 +162,29 @@ def follow(
 ) -> SegmentMotion:
     """Motion of `bodies` and `coordinates` at the states q, v (n, coordinates); inside (B,) bool."""
     n = len(q)
-    found = SegmentMotion(
+    motion = SegmentMotion(
         twist=np.zeros((n, len(bodies), 6)), joints=np.zeros((n, len(coordinates), 6)), momentum=np.zeros((n, 6)),
         mass=float(tree.inertias[inside, 0].sum()), mass_moment=np.zeros((n, 3)), kinetic_j=np.zeros(n),
         R_WB=np.zeros((n, 3, 3)), p_WB=np.zeros((n, 3)))
     _follow(tree_arrays(tree), np.ascontiguousarray(q), np.ascontiguousarray(v), work_space(tree),
             np.array(bodies, dtype=np.int64), np.array(coordinates, dtype=np.int64), np.asarray(inside, dtype=np.bool_),
-            found.twist, found.joints, found.momentum, found.mass_moment, found.kinetic_j, found.R_WB, found.p_WB)
-    return found
+            motion.twist, motion.joints, motion.momentum, motion.mass_moment, motion.kinetic_j, motion.R_WB,
+            motion.p_WB)
+    return motion
 
 
 @compiled
-def _follow(tree, q, v, motion, bodies, coordinates, inside, twist, joints, momentum, mass_moment, kinetic, R, p):
+def _follow(
+    tree: TreeArrays, q: np.ndarray, v: np.ndarray, motion: Motion, bodies: np.ndarray, coordinates: np.ndarray,
+    inside: np.ndarray, twist: np.ndarray, joints: np.ndarray, momentum: np.ndarray, mass_moment: np.ndarray,
+    kinetic: np.ndarray, R: np.ndarray, p: np.ndarray
+) -> None:
     last = bodies[bodies.shape[0] - 1]
     for k in range(q.shape[0]):
         place(tree, q[k], motion)
         put(motion.V, 0, REST)
+
+        # Outwards: V_b = V_p + S_c v_c; of what is inside the sums of I V, of V . I V / 2 and of m c.
         for m in range(tree.links.shape[0]):
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
             V_b = six(motion.V, parent)
@@ -252,7 +261,7 @@ def energy_ledger(
 
 def total(ledger: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
     """Sum of the terms `names` (J)."""
-    return np.sum([ledger[name] for name in names], axis=0)
+    return np.asarray(np.sum([ledger[name] for name in names], axis=0))
 
 
 def central(rate: np.ndarray) -> np.ndarray:
@@ -336,7 +345,10 @@ def _fulcrum_terms(
 
 
 @compiled
-def _sum_driver_power(tree, q, u, a, driven, sites, site_bodies, ground_height, motion, power):
+def _sum_driver_power(
+    tree: TreeArrays, q: np.ndarray, u: np.ndarray, a: np.ndarray, driven: np.ndarray, sites: np.ndarray,
+    site_bodies: np.ndarray, ground_height: float, motion: Motion, power: np.ndarray
+) -> None:
     """Writes P of the heading above at n instants; driven (coordinates,) bool, sites (n, S, 9) SITE_RECORD."""
     load, V, S = np.empty(q.shape[1]), motion.V, motion.S
     for k in range(q.shape[0]):
@@ -344,6 +356,8 @@ def _sum_driver_power(tree, q, u, a, driven, sites, site_bodies, ground_height, 
         inverse_dynamics(tree, u[k], a[k], motion, load)
         for c in range(q.shape[1]):
             power[k] += load[c] * u[k, c] if driven[c] else 0.0
+
+        # Velocities as the driven coordinates alone would move the bodies, and the ground's power at these.
         put(V, 0, REST)
         for m in range(tree.links.shape[0]):
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]

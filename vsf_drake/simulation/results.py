@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,7 @@ FORMAT = 1  # version of the layout on disk
 _LATER = ("refined_steps",)
 """What older results of this format lack, and what is then true of them by default: their steps were never cut."""
 _XYZ = ("x", "y", "z")
+_Result = TypeVar("_Result", "WalkResult", "BenchSetting", "BenchResult")
 
 
 def _array(shape: str, unit: str, meaning: str, **more: Any) -> Any:
@@ -168,8 +169,8 @@ def save_bench(result: BenchResult, folder: str | Path) -> None:
     passes: list[dict[str, Any]] = []
     for i, setting in enumerate(result.settings):
         prefix = f"setting_{i}_"
-        own, plain, of = _parts(setting, prefix)
-        arrays, described = arrays | own, described | of
+        columns, plain, meanings = _parts(setting, prefix)
+        arrays, described = arrays | columns, described | meanings
         passes.append(plain | {"converged": setting.converged, "arrays_prefix": prefix})
     sidecar = {"kind": "bench", "format": FORMAT, "converged": result.converged, **_parts(result)[1]}
     with result_folder(folder, "bench") as temporary:
@@ -182,8 +183,8 @@ def load_bench(folder: str | Path) -> BenchResult:
     settings = []
     for i, scalars in enumerate(sidecar.get("settings") or ()):
         prefix = f"setting_{i}_"
-        own = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
-        settings.append(_build(BenchSetting, {**scalars, **own}, folder))
+        columns = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
+        settings.append(_build(BenchSetting, {**scalars, **columns}, folder))
     return _build(BenchResult, {**sidecar, "settings": settings}, folder)
 
 
@@ -211,15 +212,15 @@ def _parts(result: Any, prefix: str = "") -> tuple[dict[str, np.ndarray], dict[s
 
 def _read(folder: str | Path, kind: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     arrays, sidecar = read_archive(folder)
-    found, version = sidecar.get("kind"), sidecar.get("format")
-    if found != kind:
-        raise InputError(f"holds the result of a {found}, not of a {kind}", file=folder)
+    saved, version = sidecar.get("kind"), sidecar.get("format")
+    if saved != kind:
+        raise InputError(f"holds the result of a {saved}, not of a {kind}", file=folder)
     if version != FORMAT:
         raise InputError(f"has format {version}, and this version reads format {FORMAT}", file=folder)
     return arrays, sidecar
 
 
-def _build(cls: type, values: dict[str, Any], folder: str | Path) -> Any:
+def _build(cls: type[_Result], values: dict[str, Any], folder: str | Path) -> _Result:
     arguments = {}
     for field in dataclasses.fields(cls):
         if field.name not in values:

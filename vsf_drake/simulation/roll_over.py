@@ -130,9 +130,9 @@ def _smooth_path(
         for share in (1.0, 0.5, 0.25, 0.1):
             trial = coefficients.copy()
             trial[1:] += share * change
-            found = force_along(basis @ trial) - wanted_n
-            if cost(trial, found) < cost(coefficients, residual):
-                coefficients, residual = trial, found
+            off = force_along(basis @ trial) - wanted_n
+            if cost(trial, off) < cost(coefficients, residual):
+                coefficients, residual = trial, off
                 break
         if cost(coefficients, residual) > _WORTHWHILE * before:
             break

@@ -31,6 +31,7 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.sentences import say
 from vsf_drake.simulation.results import NUDGE_M, NUDGE_RAD, Standing
+from vsf_drake.simulation.stepping.tree import for_drake
 from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker, step_notes
 
 LARGEST_SWAY_RAD = np.radians(1.0)
@@ -57,17 +58,17 @@ def simulate_standing(
     posture = Posture(subject, model, angles or {}, fulcrum_m=fulcrum_m)
     tilt = posture.angles["pelvis_tilt"]
     notes: list[str] = []
-    for found in () if upright else _balances(posture, tilt, notes):
-        walker = Walker(subject, model, free=TRANSLATIONS + found.freed)
+    for balance in () if upright else _balances(posture, tilt, notes):
+        walker = Walker(subject, model, free=TRANSLATIONS + balance.freed)
         try:
-            walk, rest_speed = _let_go(posture, walker, found.tilt, found.list, duration_s, step_s, progress)
+            walk, rest_speed = _let_go(posture, walker, balance.tilt, balance.list, duration_s, step_s, progress)
         except SimulationError as error:
-            notes += say("standing", "failed", free=found.free, error=error, turn_deg=0.0)
+            notes += say("standing", "failed", free=balance.free, error=error, turn_deg=0.0)
             continue
-        standing = _result(posture, walk, found, rest_speed, [*notes])
+        standing = _result(posture, walk, balance, rest_speed, [*notes])
         if standing.turn_rad < LARGEST_SWAY_RAD:
             return standing
-        notes += say("standing", "failed", free=found.free, error=None, turn_deg=np.degrees(standing.turn_rad))
+        notes += say("standing", "failed", free=balance.free, error=None, turn_deg=np.degrees(standing.turn_rad))
     walk, rest_speed = _let_go(
         posture, posture.walker, tilt, posture.level_list(tilt), duration_s, step_s, progress)
     return _result(posture, walk, None, rest_speed, notes)
@@ -100,15 +101,15 @@ def _balances(posture: Posture, tilt: float, notes: list[str]) -> list[Equilibri
         return []
     notes += say("standing", "balances", sideways=sideways, full=full, tilt=np.degrees(least[0]),
                  ahead_m=least[1] / posture.weight_n)
-    return [found for found in (full, sideways) if found is not None and found.stable]
+    return [balance for balance in (full, sideways) if balance is not None and balance.stable]
 
 
 def _result(
-    posture: Posture, walk: Walk, found: Equilibrium | None, rest_speed: float, notes: list[str]
+    posture: Posture, walk: Walk, balance: Equilibrium | None, rest_speed: float, notes: list[str]
 ) -> Standing:
     tree, record = walk.mechanism.tree, walk.record
     columns = [tree.index(name) for name in PELVIS_COORDINATES]
-    free = TRANSLATIONS + (found.freed if found else ())
+    free = TRANSLATIONS + (balance.freed if balance else ())
     held = {name: float(record.load[-1, tree.index(name)]) for name in ROTATIONS if name not in free}
     prosthetic, intact = walk.prosthetic.grf_W[:, 2], walk.intact.grf_W[:, 2]
     share = float(prosthetic.sum() / max((prosthetic + intact).sum(), 1e-9))
@@ -128,7 +129,7 @@ def _result(
         pelvis=np.vstack([record.q0[columns], record.q[:, columns]]), weight_n=posture.weight_n,
         fulcrum_m=posture.fulcrum_m, side=posture.walker.subject.prosthetic_side, name=posture.walker.subject.name,
         free=free, held_nm=held, com_height_m=float(com),
-        stiffness_nm_per_rad=None if found is None else found.least_nm_per_rad,
+        stiffness_nm_per_rad=None if balance is None else balance.least_nm_per_rad,
         leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), notes=tuple(notes), **record.counts())
 
 
@@ -252,20 +253,21 @@ class Posture:
     def sideways_equilibrium(self, tilt: float) -> Equilibrium | None:
         """Balanced sideways with the tilt held: both feet loaded, stable if there is such, nearest to level."""
         level = self.level_list(tilt)
-        found = [Equilibrium(tilt, list_, ("pelvis_list",), self._stiffness(tilt, list_)[1:, 1:])
-                 for list_ in self._zeros(lambda x: self.hold(tilt, x), 1, level)]
-        return min(found, key=lambda e: (not e.stable, abs(e.list - level)), default=None)
+        balances = [Equilibrium(tilt, list_, ("pelvis_list",), self._stiffness(tilt, list_)[1:, 1:])
+                    for list_ in self._zeros(lambda x: self.hold(tilt, x), 1, level)]
+        return min(balances, key=lambda e: (not e.stable, abs(e.list - level)), default=None)
 
     def equilibrium(self, sideways: Equilibrium) -> Equilibrium | None:
         """Balanced in every direction, looked for from a sideways balance: stable if any is, else the nearest."""
-        start, found = np.array([sideways.tilt, sideways.list]), []
+        start, balances = np.array([sideways.tilt, sideways.list]), []
         for tilt in self._zeros(lambda x: self.hold(x, sideways.list), 0, sideways.tilt):
             solved = root(lambda x: self.hold(*x).moments_nm / self.weight_n, [tilt, start[1]], options={"eps": 1e-5})
             exact = np.abs(solved.fun).max() < MOMENT_TOLERANCE
             near = np.abs(solved.x - start).max() < LARGEST_TURN_RAD
             if exact and near and self.hold(*solved.x).on_both_feet:
-                found.append(Equilibrium(*map(float, solved.x), ROTATIONS[:2], self._stiffness(*solved.x)))
-        return min(found, key=lambda e: (not e.stable, abs(e.tilt - sideways.tilt)), default=None)
+                x, y = map(float, solved.x)
+                balances.append(Equilibrium(x, y, ROTATIONS[:2], self._stiffness(x, y)))
+        return min(balances, key=lambda e: (not e.stable, abs(e.tilt - sideways.tilt)), default=None)
 
     def least_tilt_moment(self, tilt: float, list_: float) -> tuple[float, float]:
         """The tilt (rad) at which holding it takes least, and that moment (N m)."""
@@ -297,7 +299,7 @@ class Posture:
         positions = np.zeros(gait.plant.num_positions())
         for name, value in q.items():
             positions[gait.plant.GetJointByName(name).position_start()] = value
-        gait.plant.SetPositions(context, positions)
+        gait.plant.SetPositions(context, for_drake(positions))
         lowest = []
         for foot in (gait.person.foot.sites, gait.person.intact_sites):
             centres = [(gait.plant.get_body(BodyIndex(int(body))).EvalPoseInWorld(context) @ p)[2]

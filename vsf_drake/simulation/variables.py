@@ -82,57 +82,59 @@ class Course:
 def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variable]:
     """All variables of a walking person by name, with the values of `mechanism` as defaults."""
     foot, rows, springs = gait.person.foot, mechanism.sites, mechanism.springs
-    found = []
+    variables = []
 
-    def edit(own: np.ndarray | slice, column: str) -> Edit:
+    def edit(spheres: np.ndarray | slice, column: str) -> Edit:
         unit = np.zeros_like(rows)
-        unit[own, _SITE[column]] = 1.0
+        unit[spheres, _SITE[column]] = 1.0
         return Edit(sites=unit)
 
     def scaled(name: str, unit: str, value: float, edit: Edit, minimum: float = 1e-3) -> Variable:
         return Variable(name, unit, value, value / _FOLD, value * _FOLD, minimum, edit, _LARGEST)
 
     for z, zone in enumerate(foot.sites.zone_names):
-        own = np.flatnonzero(foot.sites.zone == z)
-        k, n, b, full = map(float, rows[own[0], 4:8])
-        found += [
-            scaled(f"contact.{zone}.stiffness", "N/m^exponent", k, edit(own, "stiffness")),
-            Variable(f"contact.{zone}.exponent", "1", n, 1.0, 2.0, 1.0, edit(own, "exponent"), 20.0),
-            scaled(f"contact.{zone}.damping", "N s/m", b, edit(own, "damping"), minimum=0.0),
-            Variable(f"contact.{zone}.full_damping_depth", "m", full, 2e-4, 5e-3, 1e-6, edit(own, "full_damping_depth"),
+        of = np.flatnonzero(foot.sites.zone == z)
+        k, n, b, full = map(float, rows[of[0], 4:8])
+        variables += [
+            scaled(f"contact.{zone}.stiffness", "N/m^exponent", k, edit(of, "stiffness")),
+            Variable(f"contact.{zone}.exponent", "1", n, 1.0, 2.0, 1.0, edit(of, "exponent"), 20.0),
+            scaled(f"contact.{zone}.damping", "N s/m", b, edit(of, "damping"), minimum=0.0),
+            Variable(f"contact.{zone}.full_damping_depth", "m", full, 2e-4, 5e-3, 1e-6, edit(of, "full_damping_depth"),
                      0.1),
-            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, edit(own, "rise"), 0.1, added=True)]
+            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, edit(of, "rise"), 0.1, added=True)]
     for name, unit, low, high, minimum, maximum in (
             ("mu_static", "1", 0.1, 1.5, 0.0, 5.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0, 5.0),
             ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6, 10.0)):
-        found.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
-                              edit(slice(len(foot.sites.radius)), name), maximum))
+        variables.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
+                                  edit(slice(len(foot.sites.radius)), name), maximum))
     keel, modulus = np.zeros_like(springs), foot.parameters.keel.flexural_modulus_pa
     keel[:-6, :3] = springs[:-6, :3] / modulus
-    found.append(Variable("keel.flexural_modulus", "Pa", modulus, modulus / 2, 2 * modulus, 1e6, Edit(springs=keel),
-                          1e12))
+    variables.append(Variable("keel.flexural_modulus", "Pa", modulus, modulus / 2, 2 * modulus, 1e6,
+                              Edit(springs=keel), 1e12))
     k = float(mechanism.fulcrum[0])
-    found.append(scaled("fulcrum.stiffness", "N/m", k, Edit(fulcrum=mechanism.fulcrum / k)))
+    variables.append(scaled("fulcrum.stiffness", "N/m", k, Edit(fulcrum=mechanism.fulcrum / k)))
     reach = foot.parameters.fulcrum.foremost_m - foot.parameters.fulcrum.rearmost_m
-    found.append(Variable("fulcrum.shift", "m", 0.0, -reach, reach, -1.0, Edit(fulcrum_shift=1.0), 1.0, added=True))
+    variables.append(
+        Variable("fulcrum.shift", "m", 0.0, -reach, reach, -1.0, Edit(fulcrum_shift=1.0), 1.0, added=True))
     for row, axis in enumerate(SOCKET_AXES, start=len(springs) - 6):
         rate, k = np.zeros_like(springs), float(springs[row, 0])
         rate[row, :2] = springs[row, :2] / k
-        found.append(scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
-                            Edit(springs=rate)))
+        variables.append(scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
+                                Edit(springs=rate)))
     # For searches, and the largest that a manifest takes (`motion.manifest.GeometricOffsets`).
     bounds = (0.03, 0.2), (0.06, 0.2), (math.radians(15.0), 0.53)
     for i, (name, (bound, most)) in enumerate(zip(OFFSETS, bounds, strict=True)):
-        found.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -most,
-                              Edit(mount=np.eye(3)[i]), most, added=True))
-    found += [_shift(f"coordinate.{name}", Edit(coordinate=name)) for name in gait.prescribed]
-    return {variable.name: variable for variable in found}
+        variables.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -most,
+                                  Edit(mount=np.eye(3)[i]), most, added=True))
+    variables += [_shift(f"coordinate.{name}", name) for name in gait.prescribed]
+    return {variable.name: variable for variable in variables}
 
 
-def _shift(name: str, edit: Edit) -> Variable:
-    """What shifts the coordinate of `edit`, in m or rad, by 0 at first."""
-    length = edit.coordinate.endswith(("_tx", "_ty", "_tz"))
+def _shift(name: str, coordinate: str, course: np.ndarray | None = None, course_rate: float = 0.0) -> Variable:
+    """What shifts a coordinate, in m or rad, by 0 at first."""
+    length = coordinate.endswith(("_tx", "_ty", "_tz"))
     bound = 0.03 if length else math.radians(15.0)
+    edit = Edit(coordinate=coordinate, course=course, course_rate=course_rate)
     return Variable(name, "m" if length else "rad", 0.0, -bound, bound, -_MOST_SHIFT, edit, _MOST_SHIFT, added=True)
 
 
@@ -143,7 +145,7 @@ def course_variables(
     if isinstance(courses, (Course, str, Mapping)) or not isinstance(courses, Sequence):
         raise InputError(f"is a {type(courses).__name__}, no list of courses", where="courses",
                          right="Give a list, also for one course")
-    found: dict[str, Variable] = {}
+    variables: dict[str, Variable] = {}
     step = min(_RATE_STEP_S, (moments[-1] - moments[0]) / 4.0)
     for i, course in enumerate(courses):
         if not isinstance(course, Course):
@@ -151,7 +153,7 @@ def course_variables(
         if not isinstance(course.name, str) or not course.name.strip():
             raise InputError(f"{course.name!r} is no name", where=f"courses[{i}].name")
         name = f"course.{course.name}"
-        if name in found:
+        if name in variables:
             raise InputError("two courses have this name", where=name)
         if course.coordinate not in prescribed:
             raise InputError(f"{course.coordinate!r} is not a prescribed coordinate", where=name,
@@ -159,10 +161,9 @@ def course_variables(
         if not callable(course.shape):
             raise InputError(f"its shape is a {type(course.shape).__name__}, no function of time", where=name)
         early = _sampled(course.shape, moments[0] + step * np.arange(5), name)
-        found[name] = _shift(name, Edit(
-            coordinate=course.coordinate, course=_sampled(course.shape, moments, name),
-            course_rate=float(_RATE @ (early[1:] - early[0])) / step))
-    return found
+        variables[name] = _shift(name, course.coordinate, _sampled(course.shape, moments, name),
+                                 float(_RATE @ (early[1:] - early[0])) / step)
+    return variables
 
 
 def _sampled(shape: Callable[[np.ndarray], np.ndarray], times: np.ndarray, where: str) -> np.ndarray:
@@ -186,15 +187,15 @@ def check_names(names: Iterable[str], variables: Mapping[str, Variable], *, wher
     """The names; InputError if one is not in `variables` or comes twice, or for one name in place of several."""
     if isinstance(names, (str, bytes)) or not isinstance(names, Iterable):
         raise InputError(f"{names!r} is no list of names", where=where, right="Give a list, also for one name")
-    found: list[str] = []
+    checked: list[str] = []
     for name in names:
         if not isinstance(name, str) or name not in variables:
             raise InputError(f"there is no variable {name!r}", where=where,
                              right=_nearest(name, variables, "There are"))
-        if name in found:
+        if name in checked:
             raise InputError(f"the variable {name} stands twice", where=where)
-        found.append(str(name))
-    return tuple(found)
+        checked.append(str(name))
+    return tuple(checked)
 
 
 def check_values(values: Mapping[str, float] | None, variables: Mapping[str, Variable]) -> dict[str, float]:

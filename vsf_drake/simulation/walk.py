@@ -166,8 +166,7 @@ class Walker:
             load_sensitivity=load_sensitivity(mechanism, record, with_respect_to, edits)
             if edits and with_loads else None,
             commanded=q[1:], fulcrum_m=np.array(fulcrum), values=values, step_s=step_s,
-            courses={name: variable.edit.coordinate for name, variable in variables.items()
-                     if name not in self.variables},
+            courses={f"course.{course.name}": course.coordinate for course in courses},
             wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed,
             applied_names=() if applied is None else tuple(applied.names))
 
@@ -342,15 +341,15 @@ def torques_on_grid(
 
 def _rows(given: Sampled, starts: np.ndarray, shape: tuple[int, ...], where: str) -> np.ndarray:
     steps = len(starts)
-    found = np.asarray(given(starts.copy()) if callable(given) else given)
-    if found.dtype.kind not in "iuf" or found.shape[1:] != shape or len(found) not in (steps, steps + 1):
-        raise InputError(f"has {found.dtype} numbers of shape {found.shape}", where=where,
+    rows = np.asarray(given(starts.copy()) if callable(given) else given)
+    if rows.dtype.kind not in "iuf" or rows.shape[1:] != shape or len(rows) not in (steps, steps + 1):
+        raise InputError(f"has {rows.dtype} numbers of shape {rows.shape}", where=where,
                          right=f"It must be {(steps, *shape)}, one row for each step")
-    found = np.ascontiguousarray(found[:steps], dtype=float)
-    if not np.isfinite(found).all():
-        row = int(np.argwhere(~np.isfinite(found))[0][0])
+    rows = np.ascontiguousarray(rows[:steps], dtype=float)
+    if not np.isfinite(rows).all():
+        row = int(np.argwhere(~np.isfinite(rows))[0][0])
         raise InputError(f"is not finite at {starts[row]:g} s", where=where)
-    return found
+    return rows
 
 
 # One run of a walking person, as the stepper left it.
@@ -467,12 +466,12 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
 def _too_deep(walk: Walk, model: ModelParameters) -> list[tuple[str, float, float | None, float]]:
     """Feet that go deeper (m) into the ground than what their contact stands for is thick (m), and since when (s)."""
     count, depth = sum(len(zone.x_mm) for zone in model.foot.zones), walk.record.site("depth")
-    found = []
-    for foot, own, limit in (
+    feet = []
+    for foot, depths, limit in (
             ("prosthetic", depth[:, :count], model.foot.foam_thickness_m),
             ("intact", depth[:, count:], float(walk.mechanism.sites[count:, 3].max(initial=0.0)))):
-        deepest = own.max(axis=1, initial=0.0)
+        deepest = depths.max(axis=1, initial=0.0)
         if deepest.max() > limit:
             since = None if deepest[0] > limit else float(walk.record.time_s[int(np.argmax(deepest > limit))])
-            found.append((foot, float(deepest.max()), since, limit))
-    return found
+            feet.append((foot, float(deepest.max()), since, limit))
+    return feet

@@ -33,6 +33,7 @@ from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.plants.wiring import velocity_indices
 from vsf_drake.schema import check
 from vsf_drake.simulation.reactions import LOADED_N
+from vsf_drake.simulation.stepping.tree import for_drake
 from vsf_drake.simulation.walk import check_offsets, fulcrum_on_grid, walk_grid
 
 INTEGRATORS = ("implicit_euler", "radau1", "radau3", "velocity_implicit_euler")
@@ -140,11 +141,11 @@ def _start(
     wanted = motion.EvalDerivative(start_s, 2)[:, 0]
     gain = gait.driver.GetParameter(gait.driver.GetMyContextFromRoot(context), "position_gain")
     for _ in range(LOAD_ROUNDS):
-        plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, v)))
-        own = diagram.EvalTimeDerivatives(context).CopyToVector()[len(q):]
+        plant.SetPositionsAndVelocities(plant_context, for_drake(q, v))
+        accelerations = diagram.EvalTimeDerivatives(context).CopyToVector()[len(q):]
         yielding = np.linalg.inv(plant.CalcMassMatrix(plant_context))[np.ix_(held, held)]
-        q[held] -= np.linalg.solve(yielding, wanted - own[held]) / gain
-    plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, v)))
+        q[held] -= np.linalg.solve(yielding, wanted - accelerations[held]) / gain
+    plant.SetPositionsAndVelocities(plant_context, for_drake(q, v))
 
 
 def _settle(gait: GaitDiagram, diagram: Diagram, context: Context, q: np.ndarray, known: list[int]) -> None:
@@ -154,18 +155,18 @@ def _settle(gait: GaitDiagram, diagram: Diagram, context: Context, q: np.ndarray
 
     def unbalanced(x: np.ndarray) -> np.ndarray:
         q[loose] = x
-        plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, np.zeros(len(q)))))
+        plant.SetPositionsAndVelocities(plant_context, for_drake(q, np.zeros(len(q))))
         rates = diagram.EvalTimeDerivatives(context).CopyToVector()[len(q):]
-        return (plant.CalcMassMatrix(plant_context) @ rates)[loose]
+        return np.asarray(plant.CalcMassMatrix(plant_context) @ rates)[loose]
 
-    found = root(unbalanced, q[loose])
-    left = np.abs(unbalanced(found.x)).max()
+    left = np.abs(unbalanced(root(unbalanced, q[loose]).x)).max()
     if not left < REST_N:
         raise SimulationError(f"socket and keel find no rest: {left:.3g} N or N m are left", time_s=context.get_time())
 
 
 def driven(
-    gait: GaitDiagram, trajectory: CoordinateTrajectory, fulcrum_m: float | Callable, start_s: float, end_s: float
+    gait: GaitDiagram, trajectory: CoordinateTrajectory, fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
+    start_s: float, end_s: float
 ) -> tuple[PiecewisePolynomial, PiecewisePolynomial, Diagram, Context]:
     """`gait` in a diagram that moves it: paths of its prescribed coordinates (rad, m) and of its fulcrum (1,) m from A,
     the diagram and its Context at `start_s`."""
@@ -191,8 +192,9 @@ def recorded(
     """Advances `diagram`, in which the prescribed coordinates of `gait` are to follow `motion`, through `moments` (n,)
     s; SimulationError where the integrator gives up."""
     names = ("state", "driver_force", "grf", "cop", "intact_grf", "intact_cop", "normal_force", "socket_wrench")
-    ports, own = [gait.diagram.GetOutputPort(name) for name in names], gait.diagram.GetMyContextFromRoot(context)
-    run = advance(diagram, context, moments, lambda: [port.Eval(own) for port in ports], config, progress)
+    ports = [gait.diagram.GetOutputPort(name) for name in names]
+    gait_context = gait.diagram.GetMyContextFromRoot(context)
+    run = advance(diagram, context, moments, lambda: [port.Eval(gait_context) for port in ports], config, progress)
     rows = {name: np.array(values) for name, values in zip(names, zip(*run.rows, strict=True), strict=True)}
     n, joints = gait.plant.num_positions(), [gait.plant.get_joint(i) for i in gait.plant.GetJointIndices()]
     moving = sorted((joint.position_start(), joint.name()) for joint in joints if joint.num_positions())
@@ -203,7 +205,7 @@ def recorded(
         v=rows["state"][:, n:], driver_force=rows["driver_force"], grf_W=rows["grf"], cop_W=cop,
         intact_grf_W=rows["intact_grf"], intact_cop_W=intact_cop, normal_n=rows["normal_force"],
         socket_wrench=rows["socket_wrench"], prescribed=gait.prescribed,
-        commanded=motion.vector_values(moments).T, steps=run.steps, evaluations=run.evaluations, wall_s=run.wall_s)
+        commanded=np.asarray(motion.vector_values(moments.tolist())).T, steps=run.steps, evaluations=run.evaluations, wall_s=run.wall_s)
 
 
 class AdaptiveRun(NamedTuple):

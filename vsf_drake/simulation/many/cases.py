@@ -18,6 +18,7 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
@@ -32,6 +33,7 @@ ARRAYS = {f.name: f.metadata for f in dataclasses.fields(WalkResult) if "shape" 
 """Arrays of a `WalkResult` by name, each with its shape, unit and meaning."""
 OFFSETS = tuple(f.name for f in dataclasses.fields(GeometricOffsets))
 DEFAULT_KEEP = ("time_s", "grf_W", "cop_W")
+Person = tuple[Subject, ModelParameters, tuple[str, ...]]  # with the free coordinates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,7 +95,7 @@ class Planner:
     def __init__(self, keep: tuple[str, ...]) -> None:
         self.keep = keep
         self.parts: dict[str, Any] = {}  # (subject, model, free) and trajectories by key
-        self._keys: dict[tuple, tuple[str, Any]] = {}
+        self._keys: dict[tuple[object, ...], tuple[str, Any]] = {}
 
     def task(self, case: WalkCase) -> Task:
         """The task of `case`; InputError if it holds what cannot be a number, a name or a time."""
@@ -126,7 +128,7 @@ class Planner:
         return Task(key=key, person=person, motion=motion, options=options | {"offsets": offsets}, keep=self.keep,
                     software=made_by)
 
-    def _key(self, identity: tuple, part: Any, key_of: Callable[[Any], str]) -> str:
+    def _key(self, identity: tuple[object, ...], part: Any, key_of: Callable[[Any], str]) -> str:
         if identity not in self._keys:
             key = key_of(part)
             self._keys[identity] = key, part  # holding the part keeps its identity from being used again
@@ -136,15 +138,15 @@ class Planner:
 
 def check_keep(keep: Iterable[str]) -> tuple[str, ...]:
     """`keep` as names of arrays, each once; InputError if one is none of `ARRAYS`, or there is none."""
-    kept = (keep,) if isinstance(keep, str) else tuple(dict.fromkeys(keep))
-    unknown = [name for name in kept if name not in ARRAYS]
-    if unknown or not kept:
+    names = (keep,) if isinstance(keep, str) else tuple(dict.fromkeys(keep))
+    unknown = [name for name in names if name not in ARRAYS]
+    if unknown or not names:
         raise InputError(f"{unknown[0]!r} is no array of a walk" if unknown else "names no array", where="keep",
                          right=f"There are: {', '.join(ARRAYS)}")
-    return kept
+    return names
 
 
-def _person_key(part: tuple) -> str:
+def _person_key(part: Person) -> str:
     return _finite_digest("subject or model", dict(zip(("subject", "model", "free"), to_plain(part), strict=True)))
 
 
@@ -182,11 +184,11 @@ SOURCES = ("laws", "systems", "plants", "simulation", "motion/trajectory.py", "m
 def digest(plain: Any, arrays: Mapping[str, np.ndarray] | None = None) -> str:
     """64 hexadecimal digits for plain values (as `schema.to_plain` gives them) and named arrays; ValueError for what is
     not finite, TypeError for what is not plain."""
-    found = hashlib.sha256(json.dumps(plain, sort_keys=True, allow_nan=False).encode())
+    sha256 = hashlib.sha256(json.dumps(plain, sort_keys=True, allow_nan=False).encode())
     for name, array in sorted((arrays or {}).items()):
-        found.update(f"\0{name} {array.dtype.str} {array.shape}\0".encode())
-        found.update(np.ascontiguousarray(array).data)
-    return found.hexdigest()
+        sha256.update(f"\0{name} {array.dtype.str} {array.shape}\0".encode())
+        sha256.update(np.ascontiguousarray(array).data)
+    return sha256.hexdigest()
 
 
 @cache

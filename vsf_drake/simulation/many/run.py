@@ -9,7 +9,7 @@ import threading
 import time
 import zipfile
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
@@ -22,7 +22,17 @@ import numpy as np
 from vsf_drake.errors import InputError, SimulationError, VsfError, raise_if_interrupted
 from vsf_drake.files import read_npz, replaced, user_path
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.many.cases import ARRAYS, DEFAULT_KEEP, Planner, Task, WalkCase, check_keep, digest, software
+from vsf_drake.simulation.many.cases import (
+    ARRAYS,
+    DEFAULT_KEEP,
+    Person,
+    Planner,
+    Task,
+    WalkCase,
+    check_keep,
+    digest,
+    software,
+)
 from vsf_drake.simulation.many.processes import Report, SweepProgress, WorkerStartError, checked, chosen, reporting
 from vsf_drake.simulation.walk import Walker
 
@@ -220,10 +230,10 @@ class Reply:
 def run_task(task: Task) -> Reply:
     """Walks, and answers in any case: only an interruption or the end of the process leaves it without a reply."""
     try:
-        found = software()
-        if task.software != found:
-            differ = [f"{name} {found.get(name)} instead of {value}" for name, value in task.software.items()
-                      if found.get(name) != value]
+        here = software()
+        if task.software != here:
+            differ = [f"{name} {here.get(name)} instead of {value}" for name, value in task.software.items()
+                      if here.get(name) != value]
             return Reply(Kind.REFUSED, f"the worker runs other software: {', '.join(differ)}")
         person, motion = _known(task, task.person), _known(task, task.motion)
         if person is None or motion is None:
@@ -265,7 +275,7 @@ def _known(task: Task, key: str) -> Any:
 
 
 @contextmanager
-def _walker(key: str, person: tuple) -> Iterator[Walker]:
+def _walker(key: str, person: Person) -> Iterator[Walker]:
     """A walker of that person which nobody else uses meanwhile."""
     with _lock:
         waiting = _idle.setdefault(key, [])
@@ -289,7 +299,7 @@ LOOK_EVERY_S = 0.2  # how often to look for tasks that were cancelled from outsi
 
 def _dispatch(
     tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, most: int
-) -> Iterator[tuple[Task, Reply]]:
+) -> Generator[tuple[Task, Reply]]:
     """Yields each task with its reply as they finish, with `most` kept submitted; closing it calls off the others.
 
     Workers get persons and recordings (`parts`, by key) only when they ask for them: once each, not once a task.

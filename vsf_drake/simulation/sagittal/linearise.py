@@ -63,29 +63,42 @@ def linearise(
     smoothing: Smoothing
 ) -> tuple[np.ndarray, np.ndarray]:
     """Values (m, N) of `SagittalModel.evaluate` at real arrays (n, N), and (m, 52, N) derivatives by what is given, in
-    order."""
+    order.
+
+    Row by row the outputs are: balance of the pelvis (3), of socket and keel (k); torques of hips, knees and ankle
+    (n - 3) and their powers; the ground's fx, fz, my on each foot (6); the socket's forces (3); power, energy, soles.
+    """
     n, k, dynamics, at = len(q), len(w), model.dynamics, _Columns(len(q), len(w), model.dynamics.link)
     y = model.evaluate(q, v, a, w, u, p, smoothing)
     by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
+
+    # The state that all share: twists, D and E of the joints, wrenches f that inertia takes less those of the ground.
     motion = model.motion(q, v, a, w, u, p)
     joints = _joints(dynamics, motion)
     spheres = touch(model.spheres, motion, model.ground)
     feet = ground_changes(model.spheres, model.feet, dynamics.carries, spheres, p[1], smoothing)
     taken = dynamics.of_carried(dynamics.inertial(motion)) - feet[0].wrench - feet[1].wrench
-    # Balance of pelvis, socket and keel, then torques.
+
+    # Forces S . f in the joints: balance of pelvis, socket and keel, then torques; links in the order of these rows.
     links = dynamics.link[np.concatenate([np.arange(3), np.arange(n, n + k), np.arange(3, n)])]
     load = by[:n + k]
     place, rate, acceleration = _load_change(dynamics, motion, joints, taken, feet[0] + feet[1], links)
     at.fill(load, place, rate)
     load[:, at.a:at.w] = acceleration[:, at.of_q]
     load[:, at.heel] = -np.einsum("cln,cln->ln", motion.S[:, links], feet[0].by_heel[:, links])
+
+    # Socket and keel have springs, the keel the support too: their balance is the joint's force less the spring's.
     torque, powers, ground = slice(3 + k, n + k), n + k + np.arange(n - 3), 2 * n + k - 3
     power, stored, soles = ground + 9, ground + 10, ground + 11
     by[stored] = _add_support(model, w, u, p, by[3:3 + k], at)
     by_spring = _add_springs(model, w, u, p, by[stored], at)
     by[3:3 + k] -= by_spring
+
+    # Power of a joint: torque v, so that d = d torque v + torque dv.
     by[powers] = by[torque] * v[3:, None]
     by[powers, at.v + np.arange(3, n)] += y[torque]
+
+    # The ground's wrench on a foot by all that moves it: place and twist of each link, S dq and (V_p x S) dq + S dv.
     for i, foot in enumerate(feet):
         change = np.zeros((3, *by.shape[1:]))
         at.fill(change, _of(foot.by_place, motion.S) + _of(foot.by_twist, joints[0]), _of(foot.by_twist, motion.S))
@@ -93,16 +106,18 @@ def linearise(
         by[ground + 3 * i:ground + 3 * i + 3] = change[[1, 2, 0]]
     by[ground + 6:power] = by_spring[:3]
     by[power] = _power_below(model, motion, joints, feet[0].wrench[:, 0], by[ground:ground + 3], at)
-    for i, own in enumerate(model.feet):
-        part = sole(spheres.depth[own])[1]
-        onto = dynamics.carries[:, model.spheres.link[own]]
-        lift = np.stack([onto @ (-part * spheres.x[own]), np.zeros_like(motion.x), onto @ part])
+
+    # Height of a sole, sum of part_s z_s: sphere s rises by z - x omega as a link that carries it moves.
+    for i, rows in enumerate(model.feet):
+        part = sole(spheres.depth[rows])[1]
+        onto = dynamics.carries[:, model.spheres.link[rows]]
+        lift = np.stack([onto @ (-part * spheres.x[rows]), np.zeros_like(motion.x), onto @ part])
         at.fill(by[soles + i:soles + i + 1], np.einsum("cln,cln->ln", lift, motion.S)[None])
     return y, by
 
 
 def _joints(dynamics: PlanarDynamics, motion: PlanarMotion) -> tuple[np.ndarray, np.ndarray]:
-    """D and E (3, L, N) of the joints."""
+    """D = V_parent x S and E = A_parent x S + V_parent x D (3, L, N) of the joints."""
     carried = np.where(dynamics.parent[:, None] < 0, 0.0, motion.V[:, dynamics.parent])
     world = np.array([0.0, 0.0, dynamics.gravity])[:, None, None]
     D = cross(carried, motion.S)
@@ -114,8 +129,21 @@ def _load_change(
     dynamics: PlanarDynamics, motion: PlanarMotion, joints: tuple[np.ndarray, np.ndarray], taken: np.ndarray,
     ground: GroundChange, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(r, L, N) derivatives of the forces in the joints of links `rows` by all coordinates, rates, accelerations."""
+    """(r, L, N) derivatives of the forces in the joints of links `rows` by all coordinates, rates, accelerations.
+
+    With composites I, B of what link j carries, f = `taken` and the ground's derivatives P by place, T by twist, joint k
+    changes the wrench that a joint below it must give by
+
+        coordinate    S_k x f + I E_k - P S_k - T D_k
+        rate          2 I D_k + B S_k - T S_k
+        acceleration  I S_k
+
+    A joint i that k carries is turned along, so that the same matrices of what i carries meet E_k, D_k and S_k from the
+    left, by S_i. Both meet where one carries the other; joints on different branches do not feel each other.
+    """
     S, (D, E), L = motion.S, joints, len(motion.x)
+
+    # Composites about W's origin: I as J, H and the mass, and B S = turning S_omega.
     momentum = dynamics.momentum(motion, motion.V)
     turning = 2.0 * np.stack([(motion.H * motion.V[1:]).sum(0), momentum[2], -momentum[1]])
     J, Hx, Hz, b0, b1, b2 = dynamics.of_carried(np.stack([motion.J, *motion.H, *turning]))
@@ -124,16 +152,21 @@ def _load_change(
     def inertia(m: np.ndarray) -> np.ndarray:
         return inertia_times(J, np.stack([Hx, Hz]), mass, m)
 
-    # Relative to a link that moves, its ground's wrench changes by so much less as it would by being taken along.
+    # P relative to a link that moves: its ground's wrench changes by so much less as it would by being taken along.
     unit = np.broadcast_to(np.eye(3)[:, :, None, None], ground.by_place.shape)
     place = ground.by_place - _cross_force(unit, ground.wrench[:, None])
     B = np.stack([b0, b1, b2])
-    # What a joint that carries all of another one feels of that; what one that is carried feels.
+
+    # Of joint k: what a joint below it feels of its motion (right of S_i).
     below = _cross_force(S, taken) + inertia(E) - _of(place, S) - _of(ground.by_twist, D)
     below_rate = 2.0 * inertia(D) + B * S[0] - _of(ground.by_twist, S)
-    own, here = inertia(S), S[:, rows]
+
+    # Of joint i: what its own composites make of S_i, I S_i and -S_i P, -S_i T (left of the motions of a joint k).
+    carried_momentum, here = inertia(S), S[:, rows]
     onto_place, onto_twist = (np.einsum("cln,cdln->dln", S, matrix) for matrix in (place, ground.by_twist))
-    left = np.concatenate([own, -onto_place, -onto_twist])[:, rows]
+    left = np.concatenate([carried_momentum, -onto_place, -onto_twist])[:, rows]
+
+    # Which of both carries the other; `turns` is S_i . B S_k where k carries i.
     through = dynamics.carries[rows].astype(bool)
     above = (through & (rows[:, None] != np.arange(L)))[:, :, None]
     under = dynamics.carries.T[rows].astype(bool)[:, :, None]
@@ -145,13 +178,16 @@ def _load_change(
 
     by_q = chosen(left, below, 0.0, np.concatenate([E, S, D]))
     by_v = chosen(left[[0, 1, 2, 6, 7, 8]], below_rate, turns, np.concatenate([2.0 * D, S]))
-    return by_q, by_v, chosen(left[:3], own, 0.0, S)
+    return by_q, by_v, chosen(left[:3], carried_momentum, 0.0, S)
 
 
 def _add_support(
     model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_load: np.ndarray, at: _Columns
 ) -> np.ndarray:
-    """Adds to (k, 52, N) what joints give against the support; (52, N) derivatives of its energy."""
+    """Adds to (k, 52, N) what joints give against the support; (52, N) derivatives of its energy.
+
+    By turns of the joints and the fulcrum's place in complex steps, one each; by rates it is damping dw/dq_i dw/dq_k.
+    """
     count = len(model.support.starts)
     first, each = len(w) - count, np.arange(count)
     turned, rates = (np.repeat(x[first:, None], count + 1, 1).astype(complex) for x in (w, u))
@@ -172,7 +208,7 @@ def _add_support(
 def _add_springs(
     model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_energy: np.ndarray, at: _Columns
 ) -> np.ndarray:
-    """(k, 52, N) derivatives of the springs' forces; adds those of their energy."""
+    """(k, 52, N) derivatives of the springs' forces; adds those of their energy: complex steps in w, u, thickness."""
     h, each = IMAGINARY_STEP, np.arange(len(w))
     steps = 1j * h * np.eye(3)[:, None, :, None]
     force, stored = spring_forces(
@@ -188,13 +224,16 @@ def _power_below(
     model: SagittalModel, motion: PlanarMotion, joints: tuple[np.ndarray, np.ndarray], wrench: np.ndarray,
     by_wrench: np.ndarray, at: _Columns
 ) -> np.ndarray:
-    """(52, N) of the ground's `wrench` (3, N) at the shank's twist; `by_wrench`: derivatives of fx, fz, my."""
+    """(52, N) of the ground's `wrench` (3, N) at the shank's twist; `by_wrench`: derivatives of fx, fz, my.
+
+    P = F . V:  F . dV + V . dF, with dV = (S x V + D) dq + S dv of the joints that carry the shank.
+    """
     V, S = motion.V[:, model.shank], motion.S
     carries = model.dynamics.carries[:, model.shank, None]
     by = np.zeros((1, *by_wrench.shape[1:]))
     at.fill(by, *(np.einsum("cn,cln->ln", wrench, m * carries)[None] for m in (
         cross(S, V[:, None]) + joints[0], S)))
-    return by[0] + np.einsum("cn,cdn->dn", V[[1, 2, 0]], by_wrench)
+    return np.asarray(by[0] + np.einsum("cn,cdn->dn", V[[1, 2, 0]], by_wrench))
 
 
 def _cross_force(m: np.ndarray, f: np.ndarray) -> np.ndarray:
@@ -204,12 +243,12 @@ def _cross_force(m: np.ndarray, f: np.ndarray) -> np.ndarray:
 
 def _of(matrix: np.ndarray, m: np.ndarray) -> np.ndarray:
     """Matrices (3, 3, L, N) times (3, L, N)."""
-    return np.einsum("cdln,dln->cln", matrix, m)
+    return np.asarray(np.einsum("cdln,dln->cln", matrix, m))
 
 
 def _times(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """(j, k, N) products of (c, j, N) and (c, k, N)."""
-    return np.einsum("cjn,ckn->jkn", left, right)
+    return np.asarray(np.einsum("cjn,ckn->jkn", left, right))
 
 
 # How the ground's wrench on a foot changes with the motion of the foot's links.
@@ -235,7 +274,14 @@ def ground_changes(
     spheres: Spheres, feet: tuple[slice, slice], carries: np.ndarray, at: Touch, heel: np.ndarray,
     smoothing: Smoothing
 ) -> list[GroundChange]:
-    """Of each of the feet; `carries` (L, L) says which link carries which, `heel` (N,) scales the stiffness there."""
+    """Of each of the feet; `carries` (L, L) says which link carries which, `heel` (N,) scales the stiffness there.
+
+    Of a sphere: fz(depth, rate), fx = -mu(slip) fz, my = z fx - x fz at the lowest point (x, z), so that
+
+        dfz = -fz_depth dz + fz_rate drate,   dfx = -fz mu_slip dslip - mu dfz,   dmy = z dfx + fx dz - x dfz - fz dx
+
+    A turn of the link shifts that point by (z of the centre, -x): it stays straight under the centre.
+    """
     h, x, z = 1j * IMAGINARY_STEP, at.x, at.z
     rate = -at.vz
     fz, mu = normal(spheres, at.depth, rate, heel, smoothing), friction(spheres, at.slip, smoothing)
@@ -252,11 +298,13 @@ def ground_changes(
         dfx = by_slip * dslip - mu * dfz
         return np.stack([z * dfx + fx * dz - x * dfz - fz * dx, dfx, dfz])
 
+    # By a unit turn and shifts along x, z of the link, first its place (which turns its velocity along), then its twist.
     by_place = np.stack([change(centre_z, -x, at.vx, at.vz), change(one, nil, nil, nil), change(nil, one, nil, nil)], 1)
     by_twist = np.stack([change(nil, nil, x, z), change(nil, nil, nil, one), change(nil, nil, -one, nil)], 1)
     by_heel = wrenches(at, fz_by_heel / IMAGINARY_STEP, mu)
-    found = []
-    for foot in feet:
+
+    changes = []
+    for foot in feet:  # sums over the spheres that each link carries
         onto = carries[:, spheres.link[foot]]
-        found.append(GroundChange(*(onto @ y[..., foot, :] for y in (wrench, by_place, by_twist, by_heel))))
-    return found
+        changes.append(GroundChange(*(onto @ y[..., foot, :] for y in (wrench, by_place, by_twist, by_heel))))
+    return changes

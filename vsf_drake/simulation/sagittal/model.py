@@ -79,8 +79,8 @@ class SagittalModel:
         heel = np.zeros(len(mechanism.sites), dtype=bool)
         heel[:count] = np.array([name.startswith("heel") for name in foot.sites.zone_names])[foot.sites.zone]
         self.spheres, first = merged_spheres(plane, mechanism.sites, mechanism.site_bodies, heel)
-        own = int(np.sum(first < count))
-        self.feet = slice(0, own), slice(own, None)
+        prosthetic = int(np.sum(first < count))
+        self.feet = slice(0, prosthetic), slice(prosthetic, None)
         self.outputs = (
             *(f"balance_{name}" for name in (*self.coordinates[:3], *self.quasi_static)),
             *(f"torque_{name}" for name in self.coordinates[3:]), *(f"power_{name}" for name in self.coordinates[3:]),
@@ -106,7 +106,8 @@ class SagittalModel:
         wrench = wrenches(at, normal(self.spheres, at.depth, -at.vz, p[1], smoothing),
                           friction(self.spheres, at.slip, smoothing))
         taken = self.dynamics.inertial(motion)
-        np.subtract.at(taken, (slice(None), self.spheres.link), wrench)
+        for sphere, link in enumerate(self.spheres.link):
+            taken[:, link] -= wrench[:, sphere]
         load = self.dynamics.joint_forces(motion, self.dynamics.of_carried(taken))
         support, held, _ = self.support.load(w[len(SOCKET):], u[len(SOCKET):], p[0] + self.shift)
         load[n + len(SOCKET):n + k] += support
@@ -246,14 +247,18 @@ def merged_spheres(
     tree: PlanarTree, rows: np.ndarray, bodies: np.ndarray, heel: np.ndarray
 ) -> tuple[Spheres, np.ndarray]:
     """Rows (S, 11) of the stepper's sites on the plant's `bodies` (S,), heel (S,) bool; and the first row of each."""
-    merged: dict[tuple, list] = {}
+    merged: dict[tuple[float, ...], list[int]] = {}  # the rows that the plane does not tell apart
+    links, places = [], np.zeros((len(rows), 2))
     for i, (row, body) in enumerate(zip(rows, bodies, strict=True)):
-        link, place, angle = tree.bodies[int(body)]
-        x, z = place + np.array(turned(row[0], row[2], angle))
-        key = (link, round(x, _ROUNDING), round(z, _ROUNDING), bool(heel[i]), *row[3:])
-        merged.setdefault(key, [link, x, z, 0, i])[3] += 1
-    link, x, z, count, first = (np.array(column) for column in zip(*merged.values(), strict=True))
-    return Spheres(link=link, x=x, z=z, count=count.astype(float), heel=heel[first],
+        link, origin, angle = tree.bodies[int(body)]
+        links.append(link)
+        places[i] = origin + np.array(turned(row[0], row[2], angle))
+        key = (link, *(round(x, _ROUNDING) for x in places[i]), bool(heel[i]), *row[3:])
+        merged.setdefault(key, []).append(i)
+    first = np.array([alike[0] for alike in merged.values()])
+    x, z = places[first].T
+    return Spheres(link=np.array(links)[first], x=x, z=z, heel=heel[first],
+                   count=np.array([float(len(alike)) for alike in merged.values()]),
                    columns=dict(zip(SITE_COLUMNS, rows[first].T, strict=True))), first
 
 
@@ -274,7 +279,8 @@ def normal(
     """(s, ...) N at depths (m) and their rates (m/s); `heel` scales the heel's stiffness."""
     law = {name: tall(spheres.columns[name], depth) for name in _NORMAL}
     law["stiffness"] = law["stiffness"] * np.where(tall(spheres.heel, depth), heel, 1.0)
-    return tall(spheres.count, depth) * normal_force(depth, rate, **law, smoothing=smoothing)
+    force = normal_force(depth, rate, **law, smoothing=smoothing)
+    return np.asarray(tall(spheres.count, depth) * force)
 
 
 def friction(spheres: Spheres, slip: np.ndarray, smoothing: Smoothing) -> np.ndarray:
@@ -375,4 +381,5 @@ def friction_coefficient(
     threshold = np.maximum(threshold_velocity, smoothing.friction_velocity_m_per_s)
     corner = 0.2
     u = slip / threshold
-    return mu_static * (u - rounded_positive_part(u - 1.0, corner) + rounded_positive_part(-u - 1.0, corner))
+    ramp = u - rounded_positive_part(u - 1.0, corner) + rounded_positive_part(-u - 1.0, corner)
+    return np.asarray(mu_static * ramp)

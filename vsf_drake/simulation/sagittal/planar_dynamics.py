@@ -53,8 +53,9 @@ class PlanarDynamics:
         turn, angle = self._turn.reshape(tail), self._angle.reshape(tail)
         own = angle + turn * q
         phi = self.of_carriers(own)
-        dx, dz = turned(*self._direction.reshape(2, *tail), phi - own + angle)
-        ox, oz = turned(*self._offset.reshape(2, *tail), phi - own)
+        direction, offset = self._direction.reshape(2, *tail), self._offset.reshape(2, *tail)
+        dx, dz = turned(direction[0], direction[1], phi - own + angle)
+        ox, oz = turned(offset[0], offset[1], phi - own)
         x, z = self.of_carriers(np.stack([ox + dx * q, oz + dz * q]))
         S = np.stack([turn + 0.0 * q, dx - turn * z, dz + turn * x])
         V = self.of_carriers(S * v)
@@ -88,7 +89,7 @@ class PlanarDynamics:
 
     def joint_forces(self, motion: PlanarMotion, F: np.ndarray) -> np.ndarray:
         """(L, ...) by coordinate, what the joints must give where F (3, L, ...) is taken by what each link carries."""
-        return np.einsum("cl...,cl...->l...", motion.S, F)[self.link]
+        return np.asarray(np.einsum("cl...,cl...->l...", motion.S, F)[self.link])
 
 
 def cross(m: np.ndarray, n: np.ndarray) -> np.ndarray:
@@ -106,7 +107,8 @@ def _product(M: np.ndarray, y: np.ndarray) -> np.ndarray:
     lead = y.shape[:1] if y.shape[0] != M.shape[1] else ()
     flat = np.ascontiguousarray(y).reshape(*lead, M.shape[1], -1)
     # As pairs of reals: complex products with a real matrix would do everything twice.
-    return (M @ flat.view(float)).view(y.dtype).reshape(*lead, M.shape[0], *y.shape[len(lead) + 1:])
+    product = (M @ flat.view(float)).view(y.dtype)
+    return np.reshape(product, (*lead, M.shape[0], *y.shape[len(lead) + 1:]))
 
 
 # A plant's tree of joints, seen from the side: bodies that move and turn in the x-z plane only.

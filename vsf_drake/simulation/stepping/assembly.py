@@ -8,7 +8,7 @@ motion times the sum of the wrenches on everything that it carries; the same hol
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from vsf_drake.laws.scalar import friction_per_speed, normal_force, spring_force
 from vsf_drake.simulation.stepping.tree import (
     REST,
     Motion,
+    Six,
+    Three,
     Tree,
     add,
     add_column,
@@ -29,6 +31,9 @@ from vsf_drake.simulation.stepping.tree import (
     work_space,
     wrench,
 )
+
+if TYPE_CHECKING:
+    from vsf_drake.simulation.stepping.ways import Tangent, Ways
 
 SITE_COLUMNS = ("p_BS_x", "p_BS_y", "p_BS_z", "radius", "stiffness", "exponent", "damping", "full_damping_depth",
                 "mu_static", "mu_kinetic", "threshold_velocity")
@@ -74,8 +79,13 @@ class Contact(NamedTuple):
 
 
 @internal
-def find_sites(h, forces, motion, ground, contact, record):
-    """Centres, depths and which sites are near the ground at height `ground` (m) at the end of the step."""
+def find_sites(
+    h: float, forces: Forces, motion: Motion, ground: float, contact: Contact, record: np.ndarray
+) -> None:
+    """Centres, depths and which sites are near the ground at height `ground` (m) at the end of the step.
+
+    Centre c = p_WB + R_WB p_BS, depth d0 = radius - (c_z - ground); the contact point is a radius under the centre.
+    """
     count = 0
     for s in range(forces.sites.shape[0]):
         b, sites = forces.site_bodies[s], forces.sites
@@ -94,18 +104,29 @@ def find_sites(h, forces, motion, ground, contact, record):
 
 
 @internal
-def add_sites(h, forces, contact, ground_rate, wanted, which, record):
-    """Adds the ground's wrench on each body to F at the end velocities V, for the near sites with wanted == which."""
+def add_sites(
+    h: float, forces: Forces, contact: Contact, ground_rate: float, wanted: np.ndarray, which: bool,
+    record: np.ndarray
+) -> None:
+    """Adds the ground's wrench on each body to F at the end velocities V, for the near sites with wanted == which.
+
+    With the contact point's velocity u = v + w x r:  depth d = d0 - h u_z, its rate the ground's less u_z, normal force
+    fn(d, rate), friction -mu(|u_xy|) / |u_xy| fn u_xy. `gain` = -dfn/du_z = h dfn/dd + dfn/drate.
+    """
     sites, V = forces.sites, contact.V
     for a in range(contact.near[-1]):
         s = contact.near[a]
         if wanted[s] != which:
             continue
         b = forces.site_bodies[s]
+
+        # Velocity of the contact point.
         x, y, z = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2] - sites[s, 3]
         vx = V[b, 3] + V[b, 1] * z - V[b, 2] * y
         vy = V[b, 4] + V[b, 2] * x - V[b, 0] * z
         vz = V[b, 5] + V[b, 0] * y - V[b, 1] * x
+
+        # Forces at the depth and the velocity that the step ends with.
         depth = contact.depth0[s] - h * vz
         fn, by_depth, by_rate = normal_force(
             depth, ground_rate - vz, sites[s, 4], sites[s, 5], sites[s, 6], sites[s, 7])
@@ -114,16 +135,19 @@ def add_sites(h, forces, contact, ground_rate, wanted, which, record):
             ratio, _ = friction_per_speed(math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10])
             fx, fy = -ratio * fn * vx, -ratio * fn * vy
             add(contact.F, b, wrench(x, y, z, fx, fy, fn))
+
         contact.gain[s], contact.elastic[s] = h * by_depth + by_rate, by_depth
         record[s, 0], record[s, 1], record[s, 2], record[s, 3] = depth, fn, fx, fy
         record[s, 4], record[s, 5], record[s, 6] = ground_rate - vz, vx, vy
 
 
 @internal
-def site_tangent(sites, s, gain, record, least_slope):
+def site_tangent(sites: np.ndarray, s: int, gain: float, record: np.ndarray, least_slope: float) -> Six:
     """K = -dforce/dvelocity of a loaded site as xx, xy, yy, xz, yz, zz (zx and zy are 0).
 
-    A friction curve that falls more steeply counts as `least_slope` (s/m).
+    Of friction -rho(V) fn u, with rho = mu / V, by u in the plane: fn (rho 1 + (mu' - rho) u u^T / V^2), as
+    V rho' = mu' - rho; by u_z: the normal force falls by `gain` and friction with it, -rho gain u. A curve mu(V) that
+    falls more steeply counts as `least_slope` (s/m); up to the threshold mu' = rho, so that the second term is 0.
     """
     fn, vx, vy = record[s, 1], record[s, 5], record[s, 6]
     speed = math.sqrt(vx * vx + vy * vy)
@@ -136,8 +160,14 @@ def site_tangent(sites, s, gain, record, least_slope):
 
 
 @internal
-def tangents(forces, contact, links, split, least_slope, record):
-    """K of every moving body with all that it carries (`split`: see `Split`)."""
+def tangents(
+    forces: Forces, contact: Contact, links: np.ndarray, split: Split, least_slope: float, record: np.ndarray
+) -> None:
+    """K (6, 6) = -dF/dV of every moving body with all that it carries.
+
+    Of a site at r: X^T k X with k of `site_tangent` and X = [-[r]x  1], by which a motion moves the point; column j
+    is the wrench of the force k X e_j. Composites are plain sums, as all motions and wrenches are about W's origin.
+    """
     K, moving = contact.K, split.moving
     for k in range(moving.shape[0]):
         b = links[moving[k], 2]
@@ -151,11 +181,14 @@ def tangents(forces, contact, links, split, least_slope, record):
         contact.loaded[b] = True
         xx, xy, yy, xz, yz, zz = site_tangent(forces.sites, s, contact.gain[s], record, least_slope)
         x, y, z = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2] - forces.sites[s, 3]
+        # k X, row by row.
         rows = ((xz * y - xy * z, xx * z - xz * x, xy * x - xx * y, xx, xy, xz),
                 (yz * y - yy * z, xy * z - yz * x, yy * x - xy * y, xy, yy, yz),
                 (zz * y, -zz * x, 0.0, 0.0, 0.0, zz))
         for k in range(6):
             add_column(K, b, k, wrench(x, y, z, rows[0][k], rows[1][k], rows[2][k]))
+
+    # Inwards: a joint moves all that it carries.
     for k in range(moving.shape[0] - 1, -1, -1):
         parent, b = links[moving[k], 1], links[moving[k], 2]
         if contact.loaded[b] and split.body_moves[parent]:
@@ -166,8 +199,10 @@ def tangents(forces, contact, links, split, least_slope, record):
 
 
 @internal
-def add_springs(h, v, q0, forces, tau, record):
-    """Adds the sprung coordinates at q0 + h v to tau (n,); record (k,): -dforce/dv."""
+def add_springs(
+    h: float, v: np.ndarray, q0: np.ndarray, forces: Forces, tau: np.ndarray, record: np.ndarray
+) -> None:
+    """Adds the sprung coordinates at q0 + h v to tau (n,); record (k,): -df/dv = -(h df/dx + df/drate)."""
     for k in range(forces.spring_index.shape[0]):
         c, s = forces.spring_index[k], forces.springs
         force, by_x, by_rate = spring_force(
@@ -223,7 +258,7 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Spl
     above, counts = chains(tree, free)
     place_of = np.full(tree.num_coordinates, -1)
     place_of[free] = np.arange(len(free))
-    moves = tree.ancestors[:, free].any(axis=1)
+    moves = np.asarray(tree.ancestors[:, free].any(axis=1))
     return Split(prescribed=np.asarray(prescribed, dtype=np.int64), free=free, above=above, counts=counts,
                  place=place_of, body_moves=moves, site_moves=moves[forces.site_bodies],
                  moving=np.flatnonzero(moves[tree.links[:, 2]]), still=np.flatnonzero(~moves[tree.links[:, 2]]))
@@ -258,7 +293,7 @@ def step_room(tree: Tree, forces: Forces, split: Split, tolerance: float = TOLER
 
 
 @internal
-def _point(forces, motion, piece, position):
+def _point(forces: Forces, motion: Motion, piece: int, position: float) -> Three:
     """Where the support is on the straight line of a piece of the keel."""
     b, R, p = forces.keel_bodies[piece], motion.R, motion.p
     along = position - forces.keel_starts[piece]
@@ -266,19 +301,23 @@ def _point(forces, motion, piece, position):
 
 
 @internal
-def _unit_wrench(forces, motion, x, y, z):  # of a force along z of the foot's frame at a point
+def _unit_wrench(forces: Forces, motion: Motion, x: float, y: float, z: float) -> Six:
+    """Of a force along z of the foot's frame at a point."""
     F, R = forces.frame_body, motion.R
     return wrench(x, y, z, R[F, 0, 2], R[F, 1, 2], R[F, 2, 2])
 
 
 @internal
-def find_support(forces, motion, position, contact):
+def find_support(
+    forces: Forces, motion: Motion, position: float, contact: Contact
+) -> tuple[int, float, float, float]:
     """Writes unit wrench W and row of the support at `position` (m from A).
 
-    The row holds only the keel's coordinates: the pair of forces does no work on what carries both bodies. Returns the
-    foremost piece of the keel that bears it, its weight (the piece behind it has the rest), the derivative of that by
-    position (1/m), and the deflection (m).
+    The row is d deflection / d q, the power S_c . W of a unit force on each coordinate. It holds only the keel's: the
+    pair of forces does no work on what carries both bodies. Returns the foremost piece of the keel that bears it, its
+    weight (the piece behind it has the rest), the derivative of that by position (1/m), and the deflection (m).
     """
+    # The foremost piece j that bears, and its share.
     starts, width = forces.keel_starts, forces.support_width
     j, weight, slope = 0, 1.0, 0.0
     while j + 1 < starts.shape[0] and starts[j + 1] - width <= position:
@@ -286,6 +325,8 @@ def find_support(forces, motion, position, contact):
     if j > 0 and position - starts[j] < width:
         t = 0.5 * ((position - starts[j]) / width + 1.0)
         weight, slope = t * t * (3.0 - 2.0 * t), 3.0 * t * (1.0 - t) / width
+
+    # Where the force acts: on piece j, or in the shares of both between their points.
     F, R, p = forces.frame_body, motion.R, motion.p
     x, y, z = _point(forces, motion, j, position)
     front = _unit_wrench(forces, motion, x, y, z)
@@ -294,6 +335,8 @@ def find_support(forces, motion, position, contact):
         x, y, z = x0 + weight * (x - x0), y0 + weight * (y - y0), z0 + weight * (z - z0)
     W = _unit_wrench(forces, motion, x, y, z)
     put(contact.W, 0, W)
+
+    # Joints behind piece j carry all of the force, that of piece j its share alone.
     contact.row[:] = 0.0
     for k in range(j + 1):
         c = forces.keel_coordinates[k]
@@ -302,8 +345,13 @@ def find_support(forces, motion, position, contact):
 
 
 @internal
-def add_support(h, v, forces, deflection0, row, tau, record):
-    """Adds the two-sided support to tau (n,); record: force on the keel (N), deflection (m), its rate (m/s)."""
+def add_support(
+    h: float, v: np.ndarray, forces: Forces, deflection0: float, row: np.ndarray, tau: np.ndarray, record: np.ndarray
+) -> None:
+    """Adds the two-sided support to tau (n,); record: force on the keel (N), deflection (m), its rate (m/s).
+
+    With rate w' = row . v and deflection w = w0 + h w':  f = -k w - d w',  tau += row f.
+    """
     rate = 0.0
     for k in range(forces.keel_coordinates.shape[0]):
         c = forces.keel_coordinates[k]
@@ -317,12 +365,19 @@ def add_support(h, v, forces, deflection0, row, tau, record):
 
 
 @internal
-def add_support_tangent(h, forces, split, ways, room, tangent, support):
-    """Adds the support to Gq and E: only keel coordinates up to it change its forces, and only they feel them."""
+def add_support_tangent(
+    h: float, forces: Forces, split: Split, ways: Ways, room: Room, tangent: Tangent, support: np.ndarray
+) -> None:
+    """Adds the support to Gq and E: only keel coordinates up to it change its forces, and only they feel them.
+
+    By a displacement x of a keel coordinate, or of the support along the keel: with tau = row f, f = -k w - d w' and
+    w = w0 + h w', the residual changes by -d(row)/dx f - row df/dx, where df/dx = -k (dw0/dx + h dw'/dx) - d dw'/dx.
+    """
     motion, V, keel, row, front = room.motion, room.contact.V, forces.keel_coordinates, room.contact.row, room.keel[0]
     weight, slope, d_row = room.fulcrum[1], room.fulcrum[2], tangent.d_row
     for column in range(front + 2 if ways.slides else front + 1):
         sliding = column > front
+        # Of w0, w' and row: sums over the one or two pieces that bear, each with its share, which slides too.
         d_deflection, d_rate = 0.0, 0.0
         d_row[:] = 0.0
         for piece in range(front - 1 if weight < 1.0 else front, front + 1):
@@ -336,6 +391,8 @@ def add_support_tangent(h, forces, split, ways, room, tangent, support):
                 d_rate += turn * y_rate
         if not sliding:
             d_deflection = row[keel[column]]
+
+        # Of the force, and of what the keel's joints feel of it.
         d_force = -forces.fulcrum[0] * (d_deflection + h * d_rate) - forces.fulcrum[1] * d_rate
         for k in range(front + 1):
             i = split.place[keel[k]]
@@ -347,6 +404,8 @@ def add_support_tangent(h, forces, split, ways, room, tangent, support):
                     tangent.E[i, p] -= change * ways.slide[p]
             elif split.place[keel[column]] >= 0:
                 tangent.Gq[i, split.place[keel[column]]] -= change
+
+    # By the support's own constants: f is linear in them, -df = w dk + w' dd.
     for k in range(front + 1):
         i = split.place[keel[k]]
         if i >= 0:
@@ -355,7 +414,10 @@ def add_support_tangent(h, forces, split, ways, room, tangent, support):
 
 
 @internal
-def _piece_change(forces, motion, V, piece, position, column, front, share, turn, d_row):
+def _piece_change(
+    forces: Forces, motion: Motion, V: np.ndarray, piece: int, position: float, column: int, front: int, share: float,
+    turn: float, d_row: np.ndarray
+) -> tuple[float, float, float, float]:
     """Of the support if one piece bore it alone, by a keel coordinate or, for a column beyond `front`, by its place.
 
     Adds `share` of the derivatives of its power on the keel coordinates, and `turn` times that power, to d_row (K,).
@@ -369,6 +431,9 @@ def _piece_change(forces, motion, V, piece, position, column, front, share, turn
     W = _unit_wrench(forces, motion, x, y, z)
     V_keel = six(V, b)
     relative = plus(V_keel, six(V, F), -1.0)
+
+    # How the point moves: along the piece as the support slides, or as joint `column` turns all that it carries. That
+    # joint also turns the velocity of the keel relative to its own parent: S x (V_keel - V_parent).
     S_j, by_motion, rise = REST, REST, 0.0
     dx, dy, dz = 0.0, 0.0, 0.0
     if column > front:
@@ -381,6 +446,9 @@ def _piece_change(forces, motion, V, piece, position, column, front, share, turn
         dz = S_j[5] + S_j[0] * y - S_j[1] * x
         parent = forces.keel_bodies[column - 1] if column > 0 else F
         by_motion = cross_motion(S_j, plus(V_keel, six(V, parent), -1.0))
+
+    # The unit wrench follows its point, dW = (dp x u, 0), and joints k that joint j carries turn with it: the power
+    # S_k . W changes by S_k . dW + (S_j x S_k) . W, the rate w' = W . (V_keel - V_foot) by dW . (...) + W . by_motion.
     dW = (dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux, 0.0, 0.0, 0.0)
     for k in range(piece + 1):
         S_k = six(S, keel[k])

@@ -20,8 +20,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.simulation.stepping.assembly import (
+    Forces,
+    Room,
+    Split,
     add_sites,
     add_springs,
     add_support,
@@ -31,6 +36,7 @@ from vsf_drake.simulation.stepping.assembly import (
 )
 from vsf_drake.simulation.stepping.tree import (
     REST,
+    TreeArrays,
     add,
     dot,
     inertia_times,
@@ -53,7 +59,11 @@ LENGTHEN = 4.0
 
 
 @compiled
-def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, C, q, v, load, sites, support):
+def step(
+    h: float, tree: TreeArrays, forces: Forces, split: Split, room: Room, ground: float, ground_rate: float,
+    fulcrum: float, q_next: np.ndarray, M: np.ndarray, C: np.ndarray, q: np.ndarray, v: np.ndarray, load: np.ndarray,
+    sites: np.ndarray, support: np.ndarray
+) -> tuple[int, bool]:
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
     Height (m) of the ground, its rate, the fulcrum (m from A) and the prescribed coordinates q_next are those at the
@@ -63,17 +73,25 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, 
     """
     free, prescribed, motion, contact = split.free, split.prescribed, room.motion, room.contact
     nf, bias, r, dx, trial = free.shape[0], room.bias, room.r, room.dx, room.trial
+
+    # The pose q0, frozen over the step: motions S of the joints, centres and depths d0 of the spheres, and the support
+    # with its deflection w0 and the power `row` of its force on each coordinate.
     place(tree, q, motion)
     find_sites(h, forces, motion, ground, contact, sites)
     deflection, room.fulcrum[0] = 0.0, fulcrum
     if forces.fulcrum[0] > 0.0:
         room.keel[0], room.fulcrum[1], room.fulcrum[2], deflection = find_support(forces, motion, fulcrum, contact)
+
+    # Prescribed coordinates c are known: v_c = (q_next - q0)_c / h and a_c = (v - v0)_c / h; a = 0 in all others.
     copy(v, room.v0)
     room.acceleration[:] = 0.0
     for k in range(prescribed.shape[0]):
         c = prescribed[k]
         v[c] = (q_next[k] - q[c]) / h
         room.acceleration[c] = (v[c] - room.v0[c]) / h
+
+    # bias = C(q0, v0) v0 - tau_g + M a with that a, and M = L L^T over the free coordinates. What is left of the
+    # equations of these is   r(v) = M (v - v0) + h (bias - tau(v)) = 0,   by inverse dynamics if M is not given.
     given = M.shape[0] > 0
     if given:
         for i in range(q.shape[0]):
@@ -88,12 +106,17 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, 
         mass_matrix(tree, motion, free, split.above, split.counts, room.M)
     cholesky(room.M, room.L)
 
+    # Newton's method from v = v0: solve A dx = -r with A = dr/dv, go to v + scale dx, until r^T M^-1 r, twice the
+    # kinetic energy of what is left, is small. In the first round dx is 0: it works out r at v0 alone.
     dx[:, :] = 0.0
     copy(v, trial)
     _velocities(tree.links, motion.S, trial, contact.V)
     slope0, converged, iterations = 0.0, False, 0
     while iterations < MAX_ITERATIONS:
         iterations += 1
+
+        # Line search on the slope dx . r(v + scale dx), which is slope0 < 0 at scale 0. Still steeper there: further.
+        # Uphill by more than OVERSHOOT: back to where the chord between both slopes vanishes, by 0.1 to 0.9.
         scale = 1.0
         for _ in range(MAX_TRIALS):
             for i in range(nf):
@@ -112,6 +135,8 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, 
         copy(trial, v)
         if converged:
             break
+
+        # The next direction: with the friction curve as it is where that descends, else with its falling branch flat.
         slope0 = 0.0
         for least_slope in (EXACT, FLAT):
             if least_slope == EXACT and iterations < EXACT_FROM:
@@ -126,14 +151,17 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, 
             if slope0 < 0.0:
                 break
 
+    # Forces on what only prescribed coordinates move, which had no part in r; the loads that hold these; then
+    # q = q0 + h v, with prescribed coordinates where they were to go without rounding.
     add_sites(h, forces, contact, ground_rate, split.site_moves, False, sites)
     _loads(h, tree, split, room, given, M, v, load)
     for c in range(q.shape[0]):
         q[c] += h * v[c]
     for k in range(prescribed.shape[0]):
         q[prescribed[k]] = q_next[k]
+
+    # The contact point stays under the sphere's centre, which rolls ahead of the slipping point: p_xy + h (v + w x c).
     for a in range(contact.near[-1]):
-        # The contact point stays under the sphere's centre, which rolls ahead of the slipping point.
         s = contact.near[a]
         b, V, center = forces.site_bodies[s], contact.V, contact.center
         sites[s, 7] += h * (V[b, 3] + V[b, 1] * center[s, 2] - V[b, 2] * center[s, 1])
@@ -142,7 +170,8 @@ def step(h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, 
 
 
 @internal
-def _velocities(links, S, v, V):
+def _velocities(links: np.ndarray, S: np.ndarray, v: np.ndarray, V: np.ndarray) -> None:
+    """V_b = V_parent + S_c v_c of all bodies."""
     put(V, 0, REST)
     for m in range(links.shape[0]):
         parent, b, c = links[m, 1], links[m, 2], links[m, 3]
@@ -150,15 +179,22 @@ def _velocities(links, S, v, V):
 
 
 @compiled
-def _residual(h, links, forces, split, room, deflection, ground_rate, q, sites, support):
+def _residual(
+    h: float, links: np.ndarray, forces: Forces, split: Split, room: Room, deflection: float, ground_rate: float,
+    q: np.ndarray, sites: np.ndarray, support: np.ndarray
+) -> None:
     """r (f,) = M (v - v0) + h (bias - tau) at the trial velocity, over the free coordinates."""
     motion, contact, tau, trial, moving = room.motion, room.contact, room.tau, room.trial, split.moving
     V, F, S, free = contact.V, contact.F, motion.S, split.free
+
+    # End velocities of the bodies that move with it, and the ground's wrenches F on them.
     for k in range(moving.shape[0]):
         parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
         put(V, b, six(V, parent) if c < 0 else plus(six(V, parent), six(S, c), trial[c]))
     F[:] = 0.0
     add_sites(h, forces, contact, ground_rate, split.site_moves, True, sites)
+
+    # tau_c = applied + springs + support + S_c . (sum of F over all that c carries)
     copy(room.applied, tau)
     add_springs(h, trial, q, forces, tau, room.springs)
     if forces.fulcrum[0] > 0.0:
@@ -168,6 +204,7 @@ def _residual(h, links, forces, split, room, deflection, ground_rate, q, sites, 
         if c >= 0 and split.place[c] >= 0:
             tau[c] += dot(six(S, c), six(F, b))
         add(F, parent, six(F, b))
+
     for i in range(free.shape[0]):
         room.r[i] = h * (room.bias[free[i]] - tau[free[i]])
         for k in range(free.shape[0]):
@@ -175,12 +212,20 @@ def _residual(h, links, forces, split, room, deflection, ground_rate, q, sites, 
 
 
 @compiled
-def tangent_matrix(h, tree, forces, split, room, least_slope, sites):
-    """Writes A (f, f) = dr/dv at the last residual; a friction curve that falls more counts as `least_slope` (s/m)."""
+def tangent_matrix(
+    h: float, tree: TreeArrays, forces: Forces, split: Split, room: Room, least_slope: float, sites: np.ndarray
+) -> None:
+    """Writes A (f, f) = dr/dv at the last residual; a friction curve that falls more counts as `least_slope` (s/m).
+
+    A = M - h dtau/dv: to M contact adds h S_i . K S_j, a spring h (h k + d) on the diagonal, and the support
+    h (h k + d) row row^T. A is not symmetric, as friction depends on the normal force.
+    """
     contact, S, A, free = room.contact, room.motion.S, room.A, split.free
     tangents(forces, contact, tree.links, split, least_slope, sites)
     for i in range(free.shape[0]):
         copy(room.M[i], A[i])
+
+    # Of two joints of which j carries i (or is it) both move all that i carries: K is that of i's body.
     for i in range(free.shape[0]):
         c = free[i]
         b = tree.bodies[c]
@@ -191,6 +236,7 @@ def tangent_matrix(h, tree, forces, split, room, least_slope, sites):
                 A[j, i] += h * dot(six(S, free[j]), right)
                 if j != i:
                     A[i, j] += h * dot(six(S, free[j]), left)
+
     for k in range(forces.spring_index.shape[0]):
         i = split.place[forces.spring_index[k]]
         if i >= 0:
@@ -207,11 +253,21 @@ def tangent_matrix(h, tree, forces, split, room, least_slope, sites):
 
 
 @internal
-def _loads(h, tree, split, room, given, M, v, load):
-    """Loads of all coordinates, and A and f of `room.motion` at the accelerations of the step, unless `given`."""
+def _loads(
+    h: float, tree: TreeArrays, split: Split, room: Room, given: bool, M: np.ndarray, v: np.ndarray, load: np.ndarray
+) -> None:
+    """Loads of all coordinates, and A and f of `room.motion` at the accelerations of the step, unless `given`.
+
+    load = C v0 - tau_g + M (v - v0) / h - (tau - applied) - S_c . F: what the equations of motion leave to the drive.
+    """
     motion, F, delta, S = room.motion, room.contact.F, room.delta, room.motion.S
+
+    # F of all that each body carries, also where nothing free moves it.
     for k in range(split.still.shape[0] - 1, -1, -1):
         add(F, tree.links[split.still[k], 1], six(F, tree.links[split.still[k], 2]))
+
+    # Inverse dynamics so far has a = 0 in the free coordinates. Their (v - v0) / h add to it: M a if M is given, else
+    # delta_b = delta_parent + S_c a_c to the accelerations and I_b delta_b, summed inwards, to the forces.
     if given:
         for c in range(v.shape[0]):
             load[c] = room.bias[c]
@@ -236,6 +292,8 @@ def _loads(h, tree, split, room, given, M, v, load):
             add(delta, parent, six(delta, b))
             if c >= 0:
                 load[c] = dot(six(S, c), six(motion.f, b))
+
+    # Less what the stiff forces give. The tau of free coordinates has S_c . F already; `applied` is the drive's own.
     for c in range(v.shape[0]):
         load[c] -= room.tau[c] - room.applied[c]
         if split.place[c] < 0:
@@ -246,14 +304,14 @@ def _loads(h, tree, split, room, given, M, v, load):
 
 
 @compiled
-def copy(source, target):
+def copy(source: np.ndarray, target: np.ndarray) -> None:
     """Copies a vector; the assignment of slices does the same but takes seconds to compile."""
     for i in range(source.shape[0]):
         target[i] = source[i]
 
 
 @internal
-def cholesky(A, L):
+def cholesky(A: np.ndarray, L: np.ndarray) -> None:
     """Writes the lower factor L with A = L L^T of a symmetric positive definite A; what is above L's diagonal stays."""
     n = A.shape[0]
     for j in range(n):
@@ -269,8 +327,8 @@ def cholesky(A, L):
 
 
 @internal
-def scaled_norm(L, r, y):
-    """Norm sqrt(r^T A^-1 r) of r for A = L L^T; y (n,) is work space."""
+def scaled_norm(L: np.ndarray, r: np.ndarray, y: np.ndarray) -> float:
+    """Norm sqrt(r^T A^-1 r) = |y| of r for A = L L^T, where L y = r; y (n,) is work space."""
     n = r.shape[0]
     total = 0.0
     for i in range(n):
@@ -283,9 +341,11 @@ def scaled_norm(L, r, y):
 
 
 @internal
-def solve_columns(A, B):
+def solve_columns(A: np.ndarray, B: np.ndarray) -> None:
     """Overwrites B (n, m) with A^-1 B by Gaussian elimination with partial pivoting; A is destroyed."""
     n, m = B.shape
+
+    # Downwards: bring the largest entry of column k to the diagonal, and clear what is under it.
     for k in range(n):
         pivot = k
         for i in range(k + 1, n):
@@ -303,6 +363,8 @@ def solve_columns(A, B):
                     A[i, j] -= factor * A[k, j]
                 for j in range(m):
                     B[i, j] -= factor * B[k, j]
+
+    # Upwards: back substitution.
     for k in range(n - 1, -1, -1):
         for j in range(m):
             B[k, j] /= A[k, k]

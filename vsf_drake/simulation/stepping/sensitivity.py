@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from vsf_drake.simulation.stepping.assembly import (
     SITE_COLUMNS,
     SITE_RECORD,
     Forces,
+    Room,
     Split,
     add_support_tangent,
     site_tangent,
@@ -35,7 +37,11 @@ from vsf_drake.simulation.stepping.assembly import (
 from vsf_drake.simulation.stepping.newton import EXACT, copy, solve_columns, step, tangent_matrix
 from vsf_drake.simulation.stepping.tree import (
     REST,
+    Motion,
+    Six,
+    Three,
     Tree,
+    TreeArrays,
     add,
     add_column,
     cross_force,
@@ -52,9 +58,15 @@ from vsf_drake.simulation.stepping.tree import (
 )
 from vsf_drake.simulation.stepping.ways import CARRIED, CARRIES, Edit, Tangent, Ways, make_ways, tangent_room
 
+if TYPE_CHECKING:
+    from vsf_drake.simulation.stepping.stepper import Record, Torques
+
 
 @internal
-def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, record):
+def carry(
+    h: float, k: int, share: float, part: float, tree: TreeArrays, forces: Forces, split: Split, ways: Ways, room: Room,
+    tangent: Tangent, q0: np.ndarray, v: np.ndarray, record: Record
+) -> None:
     """Takes `tangent` from the start to the end of the step that `newton.step` has just made, and writes to `record`.
 
     It ends `share` of the way from instant k of the run's grid to the next, and is `part` of that way; q0 (n,) are the
@@ -63,11 +75,15 @@ def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, re
     nf, (C, P), rhs, end = split.free.shape[0], ways.unit.shape, tangent.rhs, tangent.v_end
     tangent_matrix(h, tree, forces, split, room, EXACT, record.sites[k])
     linearise(h, tree, forces, split, ways, room, tangent, q0, v, record.sites[k], record.fulcrum[k])
-    for e in range(ways.course_way.shape[0]):  # a course goes straight over the step, as in `stepper.piece`
+
+    # du of prescribed ways: 0, but for courses, which go straight over the step, as in `stepper.piece`.
+    for e in range(ways.course_way.shape[0]):
         j, p, there = ways.course_way[e], ways.course_parameter[e], ways.path[k + 1, e]
         if share < 1.0:
             there = ways.path[k, e] + share * (there - ways.path[k, e])
         end[j, p] = (there - tangent.q[j, p]) / h
+
+    # Solve A dv = h (dtau - E) - h Gq dq0 - h Gv dv0 - B du for the free ways.
     for i in range(nf):
         for p in range(P):
             rhs[i, p] = h * (tangent.torque[i, p] - tangent.E[i, p])
@@ -78,6 +94,8 @@ def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, re
     solve_columns(room.A, rhs)
     for i in range(nf):
         copy(rhs[i], end[i])
+
+    # The measured wrench: dT + (P S - K (V_p x S)) dq0 - K S dv, summed over the ways.
     wrench = record.wrench_by[k]
     for i in range(6):
         for p in range(P):
@@ -91,7 +109,9 @@ def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, re
             for i in range(6):
                 for p in range(P):
                     wrench[i, p] += P_S[i] * tangent.q[j, p] - K_S[i] * end[j, p]
-    # The load that holds a prescribed coordinate is what its own equation leaves, on average over the pieces of a step.
+
+    # The load that holds a prescribed coordinate is what its own equation leaves, on average over the pieces of a step:
+    # dload = E + Gq dq0 + Gv dv0 + B dv / h.
     for i in range(nf, ways.rows.shape[0]):
         load = record.load_by[k, ways.rows[i]]
         for p in range(P):
@@ -100,6 +120,8 @@ def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, re
             by_q, by_v, by_end = part * tangent.Gq[i, j], part * tangent.Gv[i, j], part * tangent.B[i, j] / h
             for p in range(P):
                 load[p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
+
+    # The state at the end: dv, and dq0 + h dv.
     for j in range(C):
         for p in range(P):
             tangent.v[j, p] = end[j, p]
@@ -107,7 +129,7 @@ def carry(h, k, share, part, tree, forces, split, ways, room, tangent, q0, v, re
 
 
 @internal
-def write_state(k, torques, split, ways, tangent, record):
+def write_state(k: int, torques: Torques, split: Split, ways: Ways, tangent: Tangent, record: Record) -> None:
     """Writes the derivatives of the state at the end of step k, and of the torques that were applied over it."""
     for j in range(ways.body.shape[0]):
         c = ways.coordinate[j]
@@ -163,6 +185,8 @@ def rest_sensitivity(
     ways = make_ways(tree, forces, split, edits, measured=np.zeros(len(forces.sites), dtype=bool))
     tangent = tangent_room(tree, split, ways)
     end, v, sites, support = q.copy(), np.zeros_like(q), np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3)
+
+    # At rest dv0 = dv = 0 over any step: the free ways must balance, Gq_free dq = -(Gq_prescribed unit + E).
     step(h, arrays, forces, split, room, ground, 0.0, fulcrum, q[prescribed], np.zeros((0, 0)), np.zeros(0),
          end, v, np.zeros_like(q), sites, support)
     tangent_matrix(h, arrays, forces, split, room, EXACT, sites)
@@ -181,8 +205,11 @@ def rest_sensitivity(
 
 
 @internal
-def differentiate_torques(k, torques, place, tangent):
-    """Writes the derivatives of the forces of step k to `tangent.torque` (f, P); place (n,): see `assembly.Split`."""
+def differentiate_torques(k: int, torques: Torques, place: np.ndarray, tangent: Tangent) -> None:
+    """Writes the derivatives of the forces of step k to `tangent.torque` (f, P); place (n,): see `assembly.Split`.
+
+    dtau = -gain (dq, dv) of the sensed coordinates at the step's start.
+    """
     s = torques.sensed.shape[0]
     for i in range(torques.coordinates.shape[0] if s > 0 else 0):
         row = place[torques.coordinates[i]]
@@ -205,7 +232,10 @@ def differentiate_torques(k, torques, place, tangent):
 
 
 @compiled
-def linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support):
+def linearise(
+    h: float, tree: TreeArrays, forces: Forces, split: Split, ways: Ways, room: Room, tangent: Tangent, q0: np.ndarray,
+    v: np.ndarray, sites: np.ndarray, support: np.ndarray
+) -> None:
     """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after `step` and a `tangent_matrix`.
 
     q0 (n,) are the coordinates at its start, v (n,) the velocities at its end; it left sites (S, 9) and support (3,).
@@ -224,13 +254,18 @@ def linearise(h, tree, forces, split, ways, room, tangent, q0, v, sites, support
 
 
 @internal
-def _way_motions(ways, room, tangent):
+def _way_motions(ways: Ways, room: Room, tangent: Tangent) -> None:
+    """Motion S of a unit of each way, rate V_p x S, second A_p x S + V_p x rate, and V_p x S at the end velocity.
+
+    V_p and A_p are those of the body relative to which the way moves. As it moves by S, the velocity V of what it
+    carries changes by S x (V - V_p); for who turns along, by -S x V_p = V_p x S.
+    """
     motion = room.motion
     for j in range(ways.body.shape[0]):
         c, b, parent = ways.coordinate[j], ways.body[j], ways.parent[j]
         if c >= 0:
             S = six(motion.S, c)
-        else:
+        else:  # of the mount: from the body's frame to W's axes and origin
             R, p, m = motion.R, motion.p, ways.mount
             wx = R[b, 0, 0] * m[j, 0] + R[b, 0, 1] * m[j, 1] + R[b, 0, 2] * m[j, 2]
             wy = R[b, 1, 0] * m[j, 0] + R[b, 1, 1] * m[j, 1] + R[b, 1, 2] * m[j, 2]
@@ -249,8 +284,11 @@ def _way_motions(ways, room, tangent):
 
 
 @internal
-def _coriolis(tree, split, motion, tangent):
-    """Composites of v x* I - I v x + (I v) x-bar*, by which inertial forces depend on velocities."""
+def _coriolis(tree: TreeArrays, split: Split, motion: Motion, tangent: Tangent) -> None:
+    """Composites of v x* I - I v x + (I v) x-bar*, by which inertial forces depend on velocities.
+
+    Column i is that applied to the unit motion e:  v x* (I e) + e x* (I v) - I (v x e).
+    """
     C = tangent.coriolis
     for k in range(split.moving.shape[0]):
         b = tree.links[split.moving[k], 2]
@@ -272,8 +310,16 @@ def _coriolis(tree, split, motion, tangent):
 
 
 @internal
-def _rows(h, bodies, ways, room, tangent):
-    """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E."""
+def _rows(h: float, bodies: np.ndarray, ways: Ways, room: Room, tangent: Tangent) -> None:
+    """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E.
+
+    Of the row of joint i by way j, with composites C (`_coriolis`), I, K (contact by velocity), P (by displacement) of
+    what both move, and rate, second, end of j:
+
+        Gq   S_i . (C rate + I second + K end - P S)     and, where i carries j, + S_i . (S_j x* f)
+        Gv   S_i . (C S + 2 I rate) - S_i . I S / h
+        B    S_i . (I + h K) S
+    """
     motion, contact, rows = room.motion, room.contact, ways.rows
     composite, coriolis, shift, K = motion.composite, tangent.coriolis, tangent.shift, contact.K
     for j in range(ways.body.shape[0]):
@@ -300,9 +346,11 @@ def _rows(h, bodies, ways, room, tangent):
                 tangent.Gq[i, j] = dot(S_i, by_q)
                 tangent.Gv[i, j] = dot(S_i, by_v) - mass / h
                 tangent.B[i, j] = mass + h * dot(S_i, by_end)
+
+    # A way that carries the row's joint turns that too: its rates, accelerations, displacements and end velocities
+    # meet there what the joint's own motion would be met by. S_i turns along by S_j x S_i, and so does f, so that
+    # S_i . f stays; the ground's wrench F does not: - (S_j x S_i) . F = - (S_i x* F) . S_j.
     for i in range(rows.shape[0]):
-        # A way that carries the row's joint turns that too: its rates, accelerations, displacements and end velocities
-        # meet there what the joint's own motion would be met by.
         c = rows[i]
         b, S = bodies[c], six(motion.S, c)
         by_rate, by_second = transposed_times(coriolis, b, S), inertia_times(composite, b, S)
@@ -324,7 +372,10 @@ def _rows(h, bodies, ways, room, tangent):
 
 
 @internal
-def _springs(h, forces, split, ways, q0, v, tangent):
+def _springs(
+    h: float, forces: Forces, split: Split, ways: Ways, q0: np.ndarray, v: np.ndarray, tangent: Tangent
+) -> None:
+    """Gq -= df/dx at q0 + h v, and E -= the force of a unit of the constants, in which the law is linear."""
     s = forces.springs
     for k in range(forces.spring_index.shape[0]):
         c = forces.spring_index[k]
@@ -338,7 +389,6 @@ def _springs(h, forces, split, ways, q0, v, tangent):
         c = forces.spring_index[k]
         i = split.place[c]
         if i >= 0:
-            # The law is linear in its constants: their unit as a spring gives the derivative.
             force, _, _ = spring_force(
                 q0[c] + h * v[c], v[c], ways.spring_unit[e, 0], ways.spring_unit[e, 1], ways.spring_unit[e, 2],
                 s[k, 3], s[k, 4], s[k, 5])
@@ -350,6 +400,10 @@ def _springs(h, forces, split, ways, q0, v, tangent):
 # A body displaced by s and whose end velocity changes by u, both motions about W's origin, changes the wrench on it by
 # P s - K u, with the change that s itself makes in the velocity of its points inside P. `assembly.tangents` gives K.
 # The measured wrench takes the contact points where they are at the end of the step, and has matrices of its own.
+#
+# A site's force changes by g = -k u' + (rho v_xy, -1) by_depth rise, where k is `assembly.site_tangent`, u' what its
+# point's velocity changes, rise how much higher its centre is, rho = mu / V; its wrench by r x g + c x f with r the
+# point and c the way that it goes.
 
 
 _CHANGED = ("p_BS_z", "stiffness", "exponent", "damping", "full_damping_depth", "mu_static", "mu_kinetic",
@@ -359,7 +413,10 @@ RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD
 
 
 @internal
-def _add_site_tangents(h, links, forces, split, ways, room, tangent, sites):
+def _add_site_tangents(
+    h: float, links: np.ndarray, forces: Forces, split: Split, ways: Ways, room: Room, tangent: Tangent,
+    sites: np.ndarray
+) -> None:
     """Composites of P and of the measured wrench, and what parameters change directly."""
     contact, moving = room.contact, split.moving
     tangent.dT[:] = 0.0
@@ -377,6 +434,8 @@ def _add_site_tangents(h, links, forces, split, ways, room, tangent, sites):
         if split.site_moves[s] and sites[s, 1] > 0.0:
             _site(h, s, forces, ways, room, tangent, sites)
             tangent.touched[forces.site_bodies[s]] = True
+
+    # Inwards: sums over all that a body carries.
     for m in range(links.shape[0] - 1, -1, -1):
         parent, b = links[m, 1], links[m, 2]
         if not tangent.touched[b]:
@@ -396,7 +455,9 @@ def _add_site_tangents(h, links, forces, split, ways, room, tangent, sites):
 
 
 @internal
-def _site(h, s, forces, ways, room, tangent, sites):
+def _site(
+    h: float, s: int, forces: Forces, ways: Ways, room: Room, tangent: Tangent, sites: np.ndarray
+) -> None:
     """One loaded site: six unit displacements, six unit velocities, and its parameters."""
     contact, b = room.contact, forces.site_bodies[s]
     radius = forces.sites[s, 3]
@@ -409,6 +470,7 @@ def _site(h, s, forces, ways, room, tangent, sites):
     ratio = -fx / (fn * vx) if abs(vx) > abs(vy) else (-fy / (fn * vy) if vy != 0.0 else 0.0)
     by_depth = contact.elastic[s]
     K = site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
+
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
     ox, oy = V[b, 3] + wy * top - wz * y, V[b, 4] + wz * x - wx * top
     x1, y1, z1 = sites[s, 7], sites[s, 8], -sites[s, 0]
@@ -416,7 +478,9 @@ def _site(h, s, forces, ways, room, tangent, sites):
     for i in range(6):
         sx, sy, sz = 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
         lx, ly, lz = 1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0
-        # Displacement s: of the point; of the velocity that its body gives it, s x v + r w x (s x e_z).
+
+        # Displacement s: of the point; of the velocity that its body gives it, s x v + r w x (s x e_z), as the point
+        # stays straight under the centre while the body turns.
         cx, cy, cz = lx + sy * top - sz * y, ly + sz * x - sx * top, lz + sx * y - sy * x
         ux = sy * vz - sz * vy + radius * (wz * sx)
         uy = sz * vx - sx * vz + radius * (wz * sy)
@@ -427,12 +491,15 @@ def _site(h, s, forces, ways, room, tangent, sites):
             add_column(tangent.out_shift, b, i, moved_wrench(
                 x1, y1, z1, gx, gy, gz, fx, fy, fn,
                 cx + h * (sy * vz - sz * oy), cy + h * (sz * ox - sx * vz), cz + h * uz))
+
             # Velocity u of the body: -K u, and the point's way over the step.
             ux, uy, uz = lx + sy * z - sz * y, ly + sz * x - sx * z, lz + sx * y - sy * x
             gx, gy, gz = _force_change(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
             add_column(tangent.out_K, b, i, moved_wrench(
                 x1, y1, z1, -gx, -gy, -gz, fx, fy, fn,
                 -h * (lx + sy * top - sz * y), -h * (ly + sz * x - sx * top), -h * uz))
+
+    # Parameters: a rise moves the centre up in its body's frame, others change friction or the normal force alone.
     for e in range(ways.edit_start[s], ways.edit_start[s + 1]):
         p, column, unit = ways.edit_parameter[e], ways.edit_column[e], ways.edit_unit[e]
         cx, cy, cz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -454,7 +521,9 @@ def _site(h, s, forces, ways, room, tangent, sites):
 
 
 @internal
-def _force_change(K, along_x, along_y, by_depth, ux, uy, uz, rise):
+def _force_change(
+    K: Six, along_x: float, along_y: float, by_depth: float, ux: float, uy: float, uz: float, rise: float
+) -> Three:
     """Of a site whose velocity changes by u and which rises: friction `along` goes with the normal force."""
     xx, xy, yy, xz, yz, zz = K
     return (-(xx * ux + xy * uy + xz * uz) + along_x * rise, -(xy * ux + yy * uy + yz * uz) + along_y * rise,
@@ -462,13 +531,19 @@ def _force_change(K, along_x, along_y, by_depth, ux, uy, uz, rise):
 
 
 @internal
-def _normal_change(site, s, column, depth, rate):
-    """Derivative of the normal force by one of its constants."""
-    stiffness, exponent, damping, full = site[s, 4], site[s, 5], site[s, 6], site[s, 7]
+def _normal_change(site: np.ndarray, s: int, column: int, depth: float, rate: float) -> float:
+    """Derivative of the normal force k d^n + ramp(d / full) damping rate (closing alone) by one of its constants.
+
+    With u = d / full up to 1:  ramp = u^2 (3 - 2 u),  d ramp / d full = -6 u^2 (1 - u) / full.
+    """
+    stiffness: float = site[s, 4]
+    exponent: float = site[s, 5]
+    damping: float = site[s, 6]
+    full: float = site[s, 7]
     if column == STIFFNESS:
-        return depth**exponent
+        return math.pow(depth, exponent)
     if column == EXPONENT:
-        return stiffness * depth**exponent * math.log(depth)
+        return stiffness * math.pow(depth, exponent) * math.log(depth)
     if rate <= 0.0:
         return 0.0
     u = min(depth / full, 1.0)
@@ -478,9 +553,15 @@ def _normal_change(site, s, column, depth, rate):
 
 
 @internal
-def _friction_change(site, s, column, speed):
-    """Derivative of mu(V) / V (s/m) by one of the friction law's constants (`laws.scalar.friction_per_speed`)."""
-    mu_static, mu_kinetic, threshold = site[s, 8], site[s, 9], site[s, 10]
+def _friction_change(site: np.ndarray, s: int, column: int, speed: float) -> float:
+    """Derivative of mu(V) / V (s/m) by one of the friction law's constants (`laws.scalar.friction_per_speed`).
+
+    mu = mu_static V / threshold up to the threshold, mu_kinetic from 1.5 of it, and straight between, where `share` is
+    how far V has gone from the first to the second.
+    """
+    mu_static: float = site[s, 8]
+    mu_kinetic: float = site[s, 9]
+    threshold: float = site[s, 10]
     if speed <= threshold:
         if column == MU_STATIC:
             return 1.0 / threshold

@@ -30,13 +30,15 @@ from vsf_drake.simulation.stepping.assembly import (
     SPRING_COLUMNS,
     TOLERANCE,
     Forces,
+    Room,
+    Split,
     split_coordinates,
     step_room,
 )
 from vsf_drake.simulation.stepping.newton import copy, step
 from vsf_drake.simulation.stepping.sensitivity import Carried, carry, differentiate_torques, write_state
-from vsf_drake.simulation.stepping.tree import Tree, tree_arrays, tree_of
-from vsf_drake.simulation.stepping.ways import Edit
+from vsf_drake.simulation.stepping.tree import Tree, TreeArrays, for_drake, tree_arrays, tree_of
+from vsf_drake.simulation.stepping.ways import Edit, Tangent, Ways
 
 CHUNK = 32  # steps between looks for progress and interruption
 MAX_SPEED = 1e3  # coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged
@@ -193,13 +195,13 @@ class Stepper:
 
 def _drakes_dynamics(plant: MultibodyPlant, context: Context) -> Callable[[np.ndarray, np.ndarray], Any]:
     """q, v -> M and C of `newton.step` from the plant, whose `context` they overwrite; independent of `dynamics`."""
-    own = MultibodyForces(plant)
+    applied = MultibodyForces(plant)
 
     def dynamics(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))
-        plant.CalcForceElementsContribution(context, own)
-        return (np.ascontiguousarray(plant.CalcMassMatrix(context)),
-                plant.CalcInverseDynamics(context, np.zeros_like(v), own))
+        plant.SetPositionsAndVelocities(context, for_drake(q, v))
+        plant.CalcForceElementsContribution(context, applied)
+        bias = plant.CalcInverseDynamics(context, for_drake(np.zeros_like(v)), applied)
+        return np.ascontiguousarray(plant.CalcMassMatrix(context)), np.asarray(bias)
 
     return dynamics
 
@@ -282,7 +284,9 @@ def drive_of(inputs: Inputs) -> Drive:
 
 
 @compiled
-def piece(drive, k, done, size, q_next):
+def piece(
+    drive: Drive, k: int, done: int, size: int, q_next: np.ndarray
+) -> tuple[float, float, float, float]:
     """The piece of step k from `done` on with `size`, in PARTS of it: h, and fulcrum, ground, ground_rate at its end;
     the prescribed coordinates at its end go to q_next (p,)."""
     h = (drive.time_s[k + 1] - drive.time_s[k]) * (size / PARTS)
@@ -297,7 +301,7 @@ def piece(drive, k, done, size, q_next):
 
 
 @compiled
-def next_piece(done, size, converged):
+def next_piece(done: int, size: int, converged: bool) -> tuple[int, int, bool]:
     """What is done and the next size after a piece, and whether that piece is accepted."""
     if not converged and size > 1:
         return done, size // 2, False
@@ -308,7 +312,7 @@ def next_piece(done, size, converged):
 
 
 @compiled
-def diverged(q, v, max_speed):
+def diverged(q: np.ndarray, v: np.ndarray, max_speed: float) -> int:
     """Index of the first coordinate that is not finite or not slower than `max_speed`, or -1."""
     for c in range(q.shape[0]):
         if not (math.isfinite(q[c]) and abs(v[c]) < max_speed):
@@ -318,8 +322,10 @@ def diverged(q, v, max_speed):
 
 @partial(compiled, nogil=True)
 def advance(
-    first, last, tree, forces, split, room, drive, max_speed, q, v, record, ways=None, tangent=None, dynamics=None
-):
+    first: int, last: int, tree: TreeArrays, forces: Forces, split: Split, room: Room, drive: Drive, max_speed: float,
+    q: np.ndarray, v: np.ndarray, record: Record, ways: Ways | None = None, tangent: Tangent | None = None,
+    dynamics: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
+) -> tuple[int, int]:
     """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1.
 
     With `ways` and `tangent` the sensitivities are carried along. Uncompiled (`advance.py_func`) it takes mass matrix,
@@ -331,9 +337,13 @@ def advance(
         done, size = 0, PARTS
         record.iterations[k], record.parts[k], record.converged[k] = 0, 0, True
         record.load[k] = 0.0
+
+        # Torques that are held over the whole step come from the state at its start.
         sample_torques(k, drive.torques, q, v, room.applied, record.applied[k])
-        if ways is not None:
+        if ways is not None and tangent is not None:
             differentiate_torques(k, drive.torques, split.place, tangent)
+
+        # One step of h, or pieces of it: a piece that does not converge is taken back and halved.
         while done < PARTS:
             h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
             copy(q, q0)
@@ -345,18 +355,19 @@ def advance(
                 record.fulcrum[k])
             share, end = size / PARTS, (done + size) / PARTS
             done, size, accepted = next_piece(done, size, converged)
+
             record.iterations[k] += iterations
             if accepted:
                 record.parts[k] += 1
                 record.converged[k] &= converged
                 for i in range(q.shape[0]):
                     record.load[k, i] += share * load[i]
-                if ways is not None:
+                if ways is not None and tangent is not None:
                     carry(h, k, end, share, tree, forces, split, ways, room, tangent, q0, v, record)
             else:
                 copy(q0, q)
                 copy(v0, v)
-        if ways is not None and record.load_by.shape[0] > 0:
+        if ways is not None and tangent is not None and record.load_by.shape[0] > 0:
             write_state(k, drive.torques, split, ways, tangent, record)
         copy(q, record.q[k])
         copy(v, record.v[k])
@@ -391,7 +402,9 @@ def no_torques(steps: int) -> Torques:
 
 
 @compiled
-def sample_torques(k, torques, q, v, force, row):
+def sample_torques(
+    k: int, torques: Torques, q: np.ndarray, v: np.ndarray, force: np.ndarray, row: np.ndarray
+) -> None:
     """Writes the forces of step k from the state q, v (n,) at its start to `force` (n,) and to `row` (c,)."""
     s = torques.sensed.shape[0]
     for i in range(torques.coordinates.shape[0]):

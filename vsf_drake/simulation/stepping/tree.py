@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -18,6 +18,8 @@ from pydrake.systems.framework import Context
 from vsf_drake.laws.compiled import compiled, internal
 
 WELD, REVOLUTE, PRISMATIC = 0, 1, 2
+Six = tuple[float, float, float, float, float, float]  # a motion or a force, see the section on spatial algebra
+Three = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -63,9 +65,9 @@ def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
         if joint.num_velocities() == 0:
             kind = WELD
         elif isinstance(joint, RevoluteJoint):
-            kind, axis = REVOLUTE, joint.revolute_axis()
+            kind, axis[:] = REVOLUTE, joint.revolute_axis()
         elif isinstance(joint, PrismaticJoint):
-            kind, axis = PRISMATIC, joint.translation_axis()
+            kind, axis[:] = PRISMATIC, joint.translation_axis()
         else:
             raise ValueError(f"joint {joint.name()} is neither revolute, prismatic nor a weld")
         ancestors[child] = ancestors[parent]
@@ -83,6 +85,11 @@ def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
                 inertias=np.array([_inertia(body, context) for body in bodies]),
                 gravity=np.array(plant.gravity_field().gravity_vector()),
                 coordinate_names=tuple(names), body_names=tuple(body.name() for body in bodies))
+
+
+def for_drake(*vectors: np.ndarray) -> Any:
+    """One vector for pydrake, whose stubs name a type of array that numpy does not have."""
+    return np.concatenate(vectors)
 
 
 def _parents_first(plant: MultibodyPlant) -> list[tuple[Joint, int, int]]:
@@ -109,14 +116,22 @@ def _inertia(body: RigidBody, context: Context) -> np.ndarray:
 
 
 @compiled
-def forward_kinematics(q, links, frames, R, p, axes, origins):
-    """Writes body poses R (B, 3, 3), p (B, 3) and joint axes, origins (n, 3) in W for coordinates q (n,)."""
+def forward_kinematics(
+    q: np.ndarray, links: np.ndarray, frames: np.ndarray, R: np.ndarray, p: np.ndarray, axes: np.ndarray,
+    origins: np.ndarray
+) -> None:
+    """Writes body poses R (B, 3, 3), p (B, 3) and joint axes, origins (n, 3) in W for coordinates q (n,).
+
+    From the world outwards, over each joint: X_WB = X_WP X_PF X_FM(q) X_MB, with F fixed to the parent P, M to the body
+    B, and X_FM a turn about or a shift along the axis that both share.
+    """
     for i in range(3):
         p[0, i] = 0.0
         for k in range(3):
             R[0, i, k] = 1.0 if i == k else 0.0
     for m in range(links.shape[0]):
         kind, parent, child, c = links[m, 0], links[m, 1], links[m, 2], links[m, 3]
+        # R_WF and p_WF, which become R_WM and p_WM as the joint turns or shifts.
         F, pM = _product(R, parent, frames, m, 0), _moved(R, p, parent, frames, m, 9)
         if kind != WELD:
             ax = F[0] * frames[m, 24] + F[1] * frames[m, 25] + F[2] * frames[m, 26]
@@ -128,9 +143,11 @@ def forward_kinematics(q, links, frames, R, p, axes, origins):
                 pM = (pM[0] + q[c] * ax, pM[1] + q[c] * ay, pM[2] + q[c] * az)
             else:
                 F = _turned(F, ax, ay, az, math.sin(q[c]), math.cos(q[c]))
+
+        # The frame M itself for now; X_MB then leads to the body.
         for i in range(3):
             for k in range(3):
-                R[child, i, k] = F[k + 3 * i]  # the frame M itself for now
+                R[child, i, k] = F[k + 3 * i]
             p[child, i] = pM[i]
         B, pB = _product(R, child, frames, m, 12), _moved(R, p, child, frames, m, 21)
         for i in range(3):
@@ -140,7 +157,7 @@ def forward_kinematics(q, links, frames, R, p, axes, origins):
 
 
 @internal
-def _product(R, b, frames, m, at):
+def _product(R: np.ndarray, b: int, frames: np.ndarray, m: int, at: int) -> tuple[float, ...]:
     """R[b] times the rotation that begins at column `at` of row m, row by row."""
     f = (frames[m, at], frames[m, at + 1], frames[m, at + 2], frames[m, at + 3], frames[m, at + 4], frames[m, at + 5],
          frames[m, at + 6], frames[m, at + 7], frames[m, at + 8])
@@ -153,7 +170,7 @@ def _product(R, b, frames, m, at):
 
 
 @internal
-def _moved(R, p, b, frames, m, at):
+def _moved(R: np.ndarray, p: np.ndarray, b: int, frames: np.ndarray, m: int, at: int) -> Three:
     """p[b] + R[b] times the vector that begins at column `at` of row m."""
     x, y, z = frames[m, at], frames[m, at + 1], frames[m, at + 2]
     return (p[b, 0] + R[b, 0, 0] * x + R[b, 0, 1] * y + R[b, 0, 2] * z,
@@ -162,8 +179,11 @@ def _moved(R, p, b, frames, m, at):
 
 
 @internal
-def _turned(F, ax, ay, az, s, c):
-    """The rotation F turned about the unit axis by the angle with sine s and cosine c (Rodrigues)."""
+def _turned(F: tuple[float, ...], ax: float, ay: float, az: float, s: float, c: float) -> tuple[float, ...]:
+    """The rotation F turned about the unit axis a by the angle with sine s and cosine c.
+
+    Rodrigues' formula, f c + (a x f) s + a (a . f) (1 - c), for each column f of F; d holds (a . f) (1 - c).
+    """
     d0, d1, d2 = ((ax * F[0] + ay * F[3] + az * F[6]) * (1.0 - c), (ax * F[1] + ay * F[4] + az * F[7]) * (1.0 - c),
                   (ax * F[2] + ay * F[5] + az * F[8]) * (1.0 - c))
     return (F[0] * c + (ay * F[6] - az * F[3]) * s + ax * d0, F[1] * c + (ay * F[7] - az * F[4]) * s + ax * d1,
@@ -187,19 +207,19 @@ REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled
-def six(array, i):
+def six(array: np.ndarray, i: int) -> Six:
     """Row i of an (n, 6) array."""
     return array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5]
 
 
 @compiled
-def put(array, i, a):
+def put(array: np.ndarray, i: int, a: Six) -> None:
     """Writes a vector into row i."""
     array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5] = a
 
 
 @compiled
-def add(array, i, a):
+def add(array: np.ndarray, i: int, a: Six) -> None:
     """Adds a vector to row i."""
     array[i, 0] += a[0]
     array[i, 1] += a[1]
@@ -210,67 +230,70 @@ def add(array, i, a):
 
 
 @compiled
-def plus(a, b, factor):
+def plus(a: Six, b: Six, factor: float) -> Six:
     """a + factor b."""
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2], a[3] + factor * b[3],
             a[4] + factor * b[4], a[5] + factor * b[5])
 
 
 @compiled
-def dot(a, b):
+def dot(a: Six, b: Six) -> float:
     """Power of a force on a motion."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
 @internal
-def _in_row(K, b, i, a):
-    return (K[b, i, 0] * a[0] + K[b, i, 1] * a[1] + K[b, i, 2] * a[2] + K[b, i, 3] * a[3] + K[b, i, 4] * a[4]
+def _in_row(K: np.ndarray, b: int, i: int, a: Six) -> float:
+    return float(K[b, i, 0] * a[0] + K[b, i, 1] * a[1] + K[b, i, 2] * a[2] + K[b, i, 3] * a[3] + K[b, i, 4] * a[4]
             + K[b, i, 5] * a[5])
 
 
 @internal
-def _in_column(K, b, i, a):
-    return (K[b, 0, i] * a[0] + K[b, 1, i] * a[1] + K[b, 2, i] * a[2] + K[b, 3, i] * a[3] + K[b, 4, i] * a[4]
+def _in_column(K: np.ndarray, b: int, i: int, a: Six) -> float:
+    return float(K[b, 0, i] * a[0] + K[b, 1, i] * a[1] + K[b, 2, i] * a[2] + K[b, 3, i] * a[3] + K[b, 4, i] * a[4]
             + K[b, 5, i] * a[5])
 
 
 @compiled
-def times(K, b, a):
+def times(K: np.ndarray, b: int, a: Six) -> Six:
     """K[b] a of an array (n, 6, 6)."""
     return (_in_row(K, b, 0, a), _in_row(K, b, 1, a), _in_row(K, b, 2, a), _in_row(K, b, 3, a), _in_row(K, b, 4, a),
             _in_row(K, b, 5, a))
 
 
 @compiled
-def transposed_times(K, b, a):
+def transposed_times(K: np.ndarray, b: int, a: Six) -> Six:
     """K[b]^T a of an array (n, 6, 6)."""
     return (_in_column(K, b, 0, a), _in_column(K, b, 1, a), _in_column(K, b, 2, a), _in_column(K, b, 3, a),
             _in_column(K, b, 4, a), _in_column(K, b, 5, a))
 
 
 @internal
-def add_column(K, b, i, a):
+def add_column(K: np.ndarray, b: int, i: int, a: Six) -> None:
     """Adds a vector to column i of K[b]."""
     for k in range(6):
         K[b, k, i] += a[k]
 
 
 @internal
-def wrench(x, y, z, fx, fy, fz):
-    """Of a force at a point."""
+def wrench(x: float, y: float, z: float, fx: float, fy: float, fz: float) -> Six:
+    """Of a force f at a point p: (p x f, f)."""
     return y * fz - z * fy, z * fx - x * fz, x * fy - y * fx, fx, fy, fz
 
 
 @internal
-def moved_wrench(x, y, z, gx, gy, gz, fx, fy, fz, px, py, pz):
-    """What a force that changes by g, at a point that moves by p, changes in the wrench of the force f there."""
+def moved_wrench(
+    x: float, y: float, z: float, gx: float, gy: float, gz: float, fx: float, fy: float, fz: float, px: float,
+    py: float, pz: float
+) -> Six:
+    """What a force f at r = (x, y, z) changes in its wrench as it changes by g and r by p: (r x g + p x f, g)."""
     return (y * gz - z * gy + py * fz - pz * fy, z * gx - x * gz + pz * fx - px * fz,
             x * gy - y * gx + px * fy - py * fx, gx, gy, gz)
 
 
 @compiled
-def cross_motion(a, b):
-    """a x b of two motions (crm)."""
+def cross_motion(a: Six, b: Six) -> Six:
+    """a x b of two motions (crm): the rate of b where it is fixed to a body that moves with a."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0],
             a[1] * b[5] - a[2] * b[4] + a[4] * b[2] - a[5] * b[1],
             a[2] * b[3] - a[0] * b[5] + a[5] * b[0] - a[3] * b[2],
@@ -278,8 +301,8 @@ def cross_motion(a, b):
 
 
 @compiled
-def cross_force(a, f):
-    """a x* f of a motion and a force (crf)."""
+def cross_force(a: Six, f: Six) -> Six:
+    """a x* f of a motion and a force (crf), likewise."""
     return (a[1] * f[2] - a[2] * f[1] + a[4] * f[5] - a[5] * f[4],
             a[2] * f[0] - a[0] * f[2] + a[5] * f[3] - a[3] * f[5],
             a[0] * f[1] - a[1] * f[0] + a[3] * f[4] - a[4] * f[3],
@@ -287,8 +310,8 @@ def cross_force(a, f):
 
 
 @compiled
-def inertia_times(bodies, b, a):
-    """The inertia in row b of (n, 10) times a motion."""
+def inertia_times(bodies: np.ndarray, b: int, a: Six) -> Six:
+    """The inertia in row b of (n, 10) times a motion (w, v): the momentum (I w + h x v, m v - h x w), h = m c."""
     m, hx, hy, hz = bodies[b, 0], bodies[b, 1], bodies[b, 2], bodies[b, 3]
     xx, yy, zz, xy, xz, yz = bodies[b, 4], bodies[b, 5], bodies[b, 6], bodies[b, 7], bodies[b, 8], bodies[b, 9]
     wx, wy, wz, vx, vy, vz = a
@@ -298,16 +321,23 @@ def inertia_times(bodies, b, a):
 
 
 @compiled
-def inertia_in_world(bodies, b, R, p, out):
-    """Moves the inertia in row b, about and in its body's frame, to the world's origin and axes; into row b of out."""
+def inertia_in_world(bodies: np.ndarray, b: int, R: np.ndarray, p: np.ndarray, out: np.ndarray) -> None:
+    """Moves the inertia in row b, about and in its body's frame, to the world's origin and axes; into row b of out.
+
+    With h = R m c:  m c_W = h + m p,  I_W = R I R^T + (2 h . p + m p . p) 1 - m p p^T - h p^T - p h^T.
+    """
     m, hx, hy, hz = bodies[b, 0], bodies[b, 1], bodies[b, 2], bodies[b, 3]
     xx, yy, zz, xy, xz, yz = bodies[b, 4], bodies[b, 5], bodies[b, 6], bodies[b, 7], bodies[b, 8], bodies[b, 9]
     a, d, g = R[b, 0, 0], R[b, 0, 1], R[b, 0, 2]
     k, e, h = R[b, 1, 0], R[b, 1, 1], R[b, 1, 2]
     u, o, i = R[b, 2, 0], R[b, 2, 1], R[b, 2, 2]
     px, py, pz = p[b, 0], p[b, 1], p[b, 2]
+
+    # h in the world's axes, and the factor of 1 (the products of h and p that are on the diagonal go off it below).
     hx, hy, hz = a * hx + d * hy + g * hz, k * hx + e * hy + h * hz, u * hx + o * hy + i * hz
     far = 2.0 * (hx * px + hy * py + hz * pz) + m * (px * px + py * py + pz * pz)
+
+    # R I row by row, times R^T where the sum below asks for an entry.
     x0, x1, x2 = a * xx + d * xy + g * xz, a * xy + d * yy + g * yz, a * xz + d * yz + g * zz
     y0, y1, y2 = k * xx + e * xy + h * xz, k * xy + e * yy + h * yz, k * xz + e * yz + h * zz
     z0, z1, z2 = u * xx + o * xy + i * xz, u * xy + o * yy + i * yz, u * xz + o * yz + i * zz
@@ -322,6 +352,12 @@ def inertia_in_world(bodies, b, R, p, out):
 
 # Inverse dynamics by the recursive Newton-Euler method and the mass matrix by composite bodies (Featherstone, Rigid
 # Body Dynamics Algorithms, 2008, chapters 5 and 6), all about the world's origin.
+#
+#     outwards   V_b = V_p + S_c v_c,        A_b = A_p + S_c a_c + V_p x S_c v_c,        A_world = -gravity
+#     body       f_b = I_b A_b + V_b x* I_b V_b
+#     inwards    f_p += f_b,  I_p += I_b,    tau_c = S_c . f_b,     M_ij = S_j . I_b S_i  (I_b of all that i carries)
+#
+# With S_c the motion of a unit rate of coordinate c. It is fixed to the parent p, too, so that its rate is V_p x S_c.
 
 
 class TreeArrays(NamedTuple):
@@ -364,25 +400,27 @@ def work_space(tree: Tree) -> Motion:
 
 
 @compiled
-def place(tree, q, motion):
+def place(tree: TreeArrays, q: np.ndarray, motion: Motion) -> None:
     """Poses and joint motions at coordinates q (n,)."""
     forward_kinematics(q, tree.links, tree.frames, motion.R, motion.p, motion.axes, motion.origins)
     S, axes, origins = motion.S, motion.axes, motion.origins
     for m in range(tree.links.shape[0]):
         kind, c = tree.links[m, 0], tree.links[m, 3]
-        if kind == REVOLUTE:
+        if kind == REVOLUTE:  # (axis, origin x axis): W's origin moves as a point of the body
             for i in range(3):
                 S[c, i] = axes[c, i]
             S[c, 3] = origins[c, 1] * axes[c, 2] - origins[c, 2] * axes[c, 1]
             S[c, 4] = origins[c, 2] * axes[c, 0] - origins[c, 0] * axes[c, 2]
             S[c, 5] = origins[c, 0] * axes[c, 1] - origins[c, 1] * axes[c, 0]
-        elif kind != WELD:
+        elif kind != WELD:  # (0, axis)
             for i in range(3):
                 S[c, i], S[c, 3 + i] = 0.0, axes[c, i]
 
 
 @compiled
-def inverse_dynamics(tree, v, a, motion, tau):
+def inverse_dynamics(
+    tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Motion, tau: np.ndarray
+) -> None:
     """Forces tau (n,) for velocities v and accelerations a (n,) at the placed pose, gravity included.
 
     Leaves V, A, own and composite inertias and transmitted forces in `motion`.
@@ -392,6 +430,8 @@ def inverse_dynamics(tree, v, a, motion, tau):
     put(A, 0, (0.0, 0.0, 0.0, -tree.gravity[0], -tree.gravity[1], -tree.gravity[2]))
     put(f, 0, REST)
     composite[0, :] = 0.0
+
+    # Outwards: velocities, accelerations, and what each body's own inertia takes.
     for m in range(tree.links.shape[0]):
         parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
         V_b, A_b = six(V, parent), six(A, parent)
@@ -410,6 +450,8 @@ def inverse_dynamics(tree, v, a, motion, tau):
                 own[b, i] = 0.0
         for i in range(10):
             composite[b, i] = own[b, i]
+
+    # Inwards: what each joint transmits is what all that it carries takes.
     for m in range(tree.links.shape[0] - 1, -1, -1):
         parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
         if c >= 0:
@@ -420,7 +462,9 @@ def inverse_dynamics(tree, v, a, motion, tau):
 
 
 @compiled
-def mass_matrix(tree, motion, coordinates, above, counts, M):
+def mass_matrix(
+    tree: TreeArrays, motion: Motion, coordinates: np.ndarray, above: np.ndarray, counts: np.ndarray, M: np.ndarray
+) -> None:
     """Writes M (k, k), the rows and columns `coordinates` (k,) of the mass matrix, after `inverse_dynamics`.
 
     above (k, k), counts (k,): for each the places in `coordinates` of those that move its body, its own last.
@@ -429,6 +473,7 @@ def mass_matrix(tree, motion, coordinates, above, counts, M):
     M[:] = 0.0
     for i in range(coordinates.shape[0]):
         c = coordinates[i]
+        # The momentum of all that coordinate i carries as it moves at unit rate alone, felt by each joint below it.
         momentum = inertia_times(motion.composite, tree.bodies[c], six(S, c))
         for k in range(counts[i]):
             j = above[i, k]
