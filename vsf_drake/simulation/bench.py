@@ -112,14 +112,14 @@ class Bench:
             bending_stiffness=bending, support=fulcrum_m, load_point=p.load_point_m,
             fulcrum_stiffness=p.fulcrum.stiffness_n_per_m,
             series_stiffness=secant_stiffness(p.series_stiffness_n_per_m, p.series_exponent, max_load_n))
-        return 2.0 * max_load_n / stiffness + 0.005
+        return float(2.0 * max_load_n / stiffness + 0.005)
 
     def _heel_depth(self, load_n: float) -> float:
         """Depth (m), in steps of a tenth, at which the heel's spheres together bear `load_n`."""
         machine = self.bench.machine
-        own = machine.GetMyContextFromRoot(self.context)
-        stiffness, exponent = (machine.GetParameter(own, name) for name in ("stiffness", "exponent"))
-        height = machine.GetParameter(own, "p_BS")[:, 2]
+        context = machine.GetMyContextFromRoot(self.context)
+        stiffness, exponent, p_BS = (machine.GetParameter(context, name) for name in ("stiffness", "exponent", "p_BS"))
+        height = p_BS[:, 2]
         depth = 1e-4
         while np.sum(stiffness * np.maximum(depth - (height - height.min()), 0.0) ** exponent) < load_n:
             depth *= 1.1
@@ -144,8 +144,10 @@ def run_bench(
     `progress` is called with the finished fraction; `inputs` are the SHA-256 of the model's files by name.
     """
     check_model(model)
-    forefoot = Bench(model.foot) if fulcrums_m else None
-    passes = [(forefoot, position) for position in fulcrums_m]
+    passes = []
+    if fulcrums_m:
+        forefoot = Bench(model.foot)
+        passes = [(forefoot, position) for position in fulcrums_m]
     if heel:
         passes.append((Bench(model.foot, heel=True), model.foot.fulcrum.rearmost_m))
     compile_s = passes[0][0].warm_up() if passes else 0.0
@@ -203,7 +205,7 @@ def keel_shape(foot: FootParameters, *, fulcrum_m: float, load_n: float) -> Keel
     check_fulcrum(fulcrum_m, foot, where="fulcrum_m")
     if not np.isfinite(load_n):
         raise InputError(f"{load_n} is no load", where="load_n", right="Give a finite number of newtons")
-    stiffness = np.diag(np.concatenate(([0.0], keel_joint_stiffness(foot.keel))))
+    stiffness: np.ndarray = np.diag(np.concatenate(([0.0], keel_joint_stiffness(foot.keel))))
     lengths_P, lengths_C = _behind(foot, fulcrum_m), _behind(foot, foot.load_point_m)
     support = foot.fulcrum.stiffness_n_per_m
     q, hessian, share = np.zeros(len(lengths_P)), stiffness, 0.0
@@ -230,7 +232,7 @@ def _behind(foot: FootParameters, x: float) -> np.ndarray:
     """(m,) length of every piece that lies between A and the material point at `x`."""
     starts = np.concatenate(([0.0], keel_joint_positions(foot.keel)))
     ends = np.append(starts[1:], np.inf)
-    return np.clip(x, starts, ends) - starts
+    return np.asarray(np.clip(x, starts, ends) - starts)
 
 
 def _balance(q: np.ndarray, load: float, stiffness: np.ndarray, support: float, lengths_P: np.ndarray,

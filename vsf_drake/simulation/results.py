@@ -221,7 +221,7 @@ def _read(folder: str | Path, kind: str) -> tuple[dict[str, np.ndarray], dict[st
 
 
 def _build(cls: type[_Result], values: dict[str, Any], folder: str | Path) -> _Result:
-    arguments = {}
+    arguments: dict[str, Any] = {}
     for field in dataclasses.fields(cls):
         if field.name not in values:
             if field.name in _LATER:

@@ -31,7 +31,6 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.sentences import say
 from vsf_drake.simulation.results import NUDGE_M, NUDGE_RAD, Standing
-from vsf_drake.simulation.stepping.tree import for_drake
 from vsf_drake.simulation.walk import AT_REST, DEFAULT_STEP_S, Walk, Walker, step_notes
 
 LARGEST_SWAY_RAD = np.radians(1.0)
@@ -299,7 +298,7 @@ class Posture:
         positions = np.zeros(gait.plant.num_positions())
         for name, value in q.items():
             positions[gait.plant.GetJointByName(name).position_start()] = value
-        gait.plant.SetPositions(context, for_drake(positions))
+        gait.plant.SetPositions(context, positions)
         lowest = []
         for foot in (gait.person.foot.sites, gait.person.intact_sites):
             centres = [(gait.plant.get_body(BodyIndex(int(body))).EvalPoseInWorld(context) @ p)[2]

@@ -33,7 +33,6 @@ from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.plants.wiring import velocity_indices
 from vsf_drake.schema import check
 from vsf_drake.simulation.reactions import LOADED_N
-from vsf_drake.simulation.stepping.tree import for_drake
 from vsf_drake.simulation.walk import check_offsets, fulcrum_on_grid, walk_grid
 
 INTEGRATORS = ("implicit_euler", "radau1", "radau3", "velocity_implicit_euler")
@@ -141,11 +140,11 @@ def _start(
     wanted = motion.EvalDerivative(start_s, 2)[:, 0]
     gain = gait.driver.GetParameter(gait.driver.GetMyContextFromRoot(context), "position_gain")
     for _ in range(LOAD_ROUNDS):
-        plant.SetPositionsAndVelocities(plant_context, for_drake(q, v))
+        plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, v)))
         accelerations = diagram.EvalTimeDerivatives(context).CopyToVector()[len(q):]
         yielding = np.linalg.inv(plant.CalcMassMatrix(plant_context))[np.ix_(held, held)]
         q[held] -= np.linalg.solve(yielding, wanted - accelerations[held]) / gain
-    plant.SetPositionsAndVelocities(plant_context, for_drake(q, v))
+    plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, v)))
 
 
 def _settle(gait: GaitDiagram, diagram: Diagram, context: Context, q: np.ndarray, known: list[int]) -> None:
@@ -155,7 +154,7 @@ def _settle(gait: GaitDiagram, diagram: Diagram, context: Context, q: np.ndarray
 
     def unbalanced(x: np.ndarray) -> np.ndarray:
         q[loose] = x
-        plant.SetPositionsAndVelocities(plant_context, for_drake(q, np.zeros(len(q))))
+        plant.SetPositionsAndVelocities(plant_context, np.concatenate((q, np.zeros(len(q)))))
         rates = diagram.EvalTimeDerivatives(context).CopyToVector()[len(q):]
         return np.asarray(plant.CalcMassMatrix(plant_context) @ rates)[loose]
 
@@ -205,7 +204,8 @@ def recorded(
         v=rows["state"][:, n:], driver_force=rows["driver_force"], grf_W=rows["grf"], cop_W=cop,
         intact_grf_W=rows["intact_grf"], intact_cop_W=intact_cop, normal_n=rows["normal_force"],
         socket_wrench=rows["socket_wrench"], prescribed=gait.prescribed,
-        commanded=np.asarray(motion.vector_values(moments.tolist())).T, steps=run.steps, evaluations=run.evaluations, wall_s=run.wall_s)
+        commanded=motion.vector_values(moments.tolist()).T, steps=run.steps, evaluations=run.evaluations,
+        wall_s=run.wall_s)
 
 
 class AdaptiveRun(NamedTuple):

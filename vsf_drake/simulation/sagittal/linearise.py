@@ -131,15 +131,15 @@ def _load_change(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(r, L, N) derivatives of the forces in the joints of links `rows` by all coordinates, rates, accelerations.
 
-    With composites I, B of what link j carries, f = `taken` and the ground's derivatives P by place, T by twist, joint k
-    changes the wrench that a joint below it must give by
+    With composites I, B of what a link carries, f = `taken` and the ground's derivatives P by place, T by twist, joint
+    k changes the wrench that a joint below it must give by
 
         coordinate    S_k x f + I E_k - P S_k - T D_k
         rate          2 I D_k + B S_k - T S_k
         acceleration  I S_k
 
-    A joint i that k carries is turned along, so that the same matrices of what i carries meet E_k, D_k and S_k from the
-    left, by S_i. Both meet where one carries the other; joints on different branches do not feel each other.
+    A joint i that k carries is turned along, so that the same matrices of what i carries meet E_k, D_k and S_k from
+    the left, by S_i. Joints on different branches do not feel each other.
     """
     S, (D, E), L = motion.S, joints, len(motion.x)
 
@@ -298,7 +298,7 @@ def ground_changes(
         dfx = by_slip * dslip - mu * dfz
         return np.stack([z * dfx + fx * dz - x * dfz - fz * dx, dfx, dfz])
 
-    # By a unit turn and shifts along x, z of the link, first its place (which turns its velocity along), then its twist.
+    # By a unit turn and shifts along x, z of the link: of its place, which turns its velocity along; of its twist.
     by_place = np.stack([change(centre_z, -x, at.vx, at.vz), change(one, nil, nil, nil), change(nil, one, nil, nil)], 1)
     by_twist = np.stack([change(nil, nil, x, z), change(nil, nil, nil, one), change(nil, nil, -one, nil)], 1)
     by_heel = wrenches(at, fz_by_heel / IMAGINARY_STEP, mu)

@@ -72,7 +72,7 @@ class PlanarDynamics:
         """(3, L, ...) wrenches that each link's inertia and weight take."""
         p, f = self.momentum(motion, motion.V), self.momentum(motion, motion.A)
         omega, vx, vz = motion.V
-        return f + np.stack([vz * p[1] - vx * p[2], omega * p[2], -omega * p[1]])
+        return np.asarray(f + np.stack([vz * p[1] - vx * p[2], omega * p[2], -omega * p[1]]))
 
     def momentum(self, motion: PlanarMotion, m: np.ndarray) -> np.ndarray:
         """(3, L, ...) inertia of each link times the twists `m`."""
@@ -107,8 +107,8 @@ def _product(M: np.ndarray, y: np.ndarray) -> np.ndarray:
     lead = y.shape[:1] if y.shape[0] != M.shape[1] else ()
     flat = np.ascontiguousarray(y).reshape(*lead, M.shape[1], -1)
     # As pairs of reals: complex products with a real matrix would do everything twice.
-    product = (M @ flat.view(float)).view(y.dtype)
-    return np.reshape(product, (*lead, M.shape[0], *y.shape[len(lead) + 1:]))
+    product = np.asarray((M @ flat.view(float)).view(y.dtype))
+    return product.reshape(*lead, M.shape[0], *y.shape[len(lead) + 1:])
 
 
 # A plant's tree of joints, seen from the side: bodies that move and turn in the x-z plane only.

@@ -37,7 +37,7 @@ from vsf_drake.simulation.stepping.assembly import (
 )
 from vsf_drake.simulation.stepping.newton import copy, step
 from vsf_drake.simulation.stepping.sensitivity import Carried, carry, differentiate_torques, write_state
-from vsf_drake.simulation.stepping.tree import Tree, TreeArrays, for_drake, tree_arrays, tree_of
+from vsf_drake.simulation.stepping.tree import Tree, TreeArrays, tree_arrays, tree_of
 from vsf_drake.simulation.stepping.ways import Edit, Tangent, Ways
 
 CHUNK = 32  # steps between looks for progress and interruption
@@ -198,9 +198,9 @@ def _drakes_dynamics(plant: MultibodyPlant, context: Context) -> Callable[[np.nd
     applied = MultibodyForces(plant)
 
     def dynamics(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        plant.SetPositionsAndVelocities(context, for_drake(q, v))
+        plant.SetPositionsAndVelocities(context, np.concatenate((q, v)))
         plant.CalcForceElementsContribution(context, applied)
-        bias = plant.CalcInverseDynamics(context, for_drake(np.zeros_like(v)), applied)
+        bias = plant.CalcInverseDynamics(context, np.zeros_like(v), applied)
         return np.ascontiguousarray(plant.CalcMassMatrix(context)), np.asarray(bias)
 
     return dynamics

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -85,11 +85,6 @@ def tree_of(plant: MultibodyPlant, context: Context) -> Tree:
                 inertias=np.array([_inertia(body, context) for body in bodies]),
                 gravity=np.array(plant.gravity_field().gravity_vector()),
                 coordinate_names=tuple(names), body_names=tuple(body.name() for body in bodies))
-
-
-def for_drake(*vectors: np.ndarray) -> Any:
-    """One vector for pydrake, whose stubs name a type of array that numpy does not have."""
-    return np.concatenate(vectors)
 
 
 def _parents_first(plant: MultibodyPlant) -> list[tuple[Joint, int, int]]:
