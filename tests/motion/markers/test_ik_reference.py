@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.tables import read_storage
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
-from vsf_drake.motion.markers.joints import COORDINATES, joint_rotation, orientations_of, segment_joint
+from vsf_drake.motion.markers.joints import joint_rotation, orientations_of, segment_joint
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS
 from vsf_drake.motion.markers.tracking import smooth_poses, track
@@ -87,20 +87,11 @@ def model_frames(truth):
     return frames
 
 
-def test_every_frame_is_there_with_its_time(walk, truth):
-    assert len(walk.values) == 73 and not walk.gaps
-    np.testing.assert_allclose(walk.time_s, truth["time"] if "time" in truth else 0.4 + np.arange(73) / 60, atol=1e-3)
-
-
 @pytest.mark.parametrize("name", SAGITTAL)
 def test_sagittal_angles_are_within_a_degree_after_a_constant_offset(walk, truth, name):
     error = degrees(walk, name) - truth[name]
     assert np.sqrt(np.mean((error - error.mean()) ** 2)) < 1.0
     assert abs(error.mean()) < 6.0
-
-
-def test_markers_of_the_model_are_rigid(walk):
-    assert max(walk.cluster_motion_m.values()) < 1e-4
 
 
 def frame_turns(walk, model_frames):
@@ -142,11 +133,6 @@ def test_the_thigh_is_turned_by_where_its_hip_centre_lies(session, walk, model_f
     assert front_up(walk, model_frames)[f"thigh_{side}"] == pytest.approx(expected, abs=1.0)
 
 
-@pytest.mark.parametrize("segment", ["shank_right", "shank_left", "foot_right", "foot_left"])
-def test_below_the_knee_both_frames_follow_the_same_markers(walk, model_frames, segment):
-    assert abs(front_up(walk, model_frames)[segment]) < 2.0
-
-
 def test_a_joints_offset_is_the_difference_of_its_two_frames(walk, truth, model_frames):
     turned = front_up(walk, model_frames)
     for segment in SEGMENTS[1:]:
@@ -156,7 +142,3 @@ def test_a_joints_offset_is_the_difference_of_its_two_frames(walk, truth, model_
         expected = sign * (turned[segment] - turned[PARENTS[segment]])
         assert (degrees(walk, name) - truth[name]).mean() == pytest.approx(expected, abs=0.7), name
     assert (degrees(walk, "pelvis_tilt") - truth["pelvis_tilt"]).mean() == pytest.approx(turned["pelvis"], abs=0.3)
-
-
-def test_coordinates_are_the_models(walk):
-    assert walk.names == COORDINATES

@@ -101,14 +101,6 @@ def test_a_broken_map_is_refused_with_a_reason(text, message):
     assert Path(caught.value.file).name == "mine.yaml"
 
 
-def test_a_map_of_ones_own_is_loaded_by_its_path(tmp_path):
-    path = tmp_path / "ours.yaml"
-    path.write_text("right: {asis: NO, heel: 5}\nmiddle:\n  # nothing\n", encoding="utf-8")
-    assert load_marker_map(path).roles == {"asis_right": ("NO",), "heel_right": ("5",)}
-    with pytest.raises(InputError, match=r"there is no such file.*Shipped marker maps are"):
-        load_marker_map("plugingait")
-
-
 @pytest.mark.parametrize("path", SAMPLES)
 def test_a_map_started_from_a_files_labels_finds_what_the_shipped_one_finds(shared_data, path):
     labels = list(read_trial(shared_data / path).markers)
