@@ -3,31 +3,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsf_drake.laws.bushing import axis_force, excess
+from vsf_drake.laws.bushing import axis_force
 
 AXIS = {"stiffness": 1e5, "stiffness_negative": 1.5e4, "damping": 1e3, "limit": 0.015, "rate_limit": 0.5,
         "stop_ratio": 10.0}
 
 
-def test_excess_is_signed_and_zero_inside_the_limit():
-    np.testing.assert_allclose(excess([-3.0, -1.0, 0.0, 1.0, 3.0], 1.0), [-2.0, 0.0, 0.0, 0.0, 2.0])
-
-
-def test_inside_the_limits_it_is_a_spring_and_damper():
+def test_inside_the_limits_it_is_a_spring_and_damper_and_softer_when_pulled():
     assert axis_force(0.01, -0.2, **AXIS) == pytest.approx(-1e5 * 0.01 + 1e3 * 0.2)
-
-
-def test_pulling_off_is_softer_than_pressing_on():
     assert axis_force(-0.006, 0.0, **AXIS) == pytest.approx(90.0)
-    assert axis_force(0.006, 0.0, **AXIS) == pytest.approx(-600.0)
 
 
 def test_beyond_a_limit_stiffness_and_damping_are_eleven_times_as_large():
-    h = 1e-6
-    force = axis_force(np.array([0.02, 0.02 + h]), 0.0, **AXIS)
-    assert (force[1] - force[0]) / h == pytest.approx(-11e5, rel=1e-8)
-    force = axis_force(0.0, np.array([-0.7, -0.7 + h]), **AXIS)
-    assert (force[1] - force[0]) / h == pytest.approx(-11e3, rel=1e-8)
+    for side in (1.0, -1.0):
+        force = axis_force(side * np.array([0.02, 0.021]), 0.0, **AXIS)
+        assert force[1] - force[0] == pytest.approx(-11.0 * (1e5 if side > 0.0 else -1.5e4) * 1e-3, rel=1e-8)
+        force = axis_force(0.0, side * np.array([0.7, 0.8]), **AXIS)
+        assert force[1] - force[0] == pytest.approx(-side * 11e3 * 0.1, rel=1e-8)
 
 
 def test_continuous_at_the_limits_and_at_zero():
@@ -39,13 +31,6 @@ def test_continuous_at_the_limits_and_at_zero():
         assert below == pytest.approx(above, abs=1e-6)
 
 
-def test_spring_opposes_displacement_and_damper_takes_energy():
-    q = np.linspace(-0.05, 0.05, 101)
-    assert np.all(axis_force(q, 0.0, **AXIS) * q <= 0.0)
-    v = np.linspace(-3.0, 3.0, 101)
-    assert np.all(axis_force(0.0, v, **AXIS) * v <= 0.0)
-
-
 def test_six_axes_at_once_equal_one_at_a_time():
     rng = np.random.default_rng(0)
     arrays = {name: rng.uniform(0.1, 1.0, 6) for name in AXIS if name != "stop_ratio"}
@@ -54,19 +39,10 @@ def test_six_axes_at_once_equal_one_at_a_time():
     np.testing.assert_allclose(axis_force(q, v, **arrays, stop_ratio=3.0), each)
 
 
-@pytest.mark.parametrize("q", [-0.03, -0.01, 0.01, 0.03])
-@pytest.mark.parametrize("v", [-0.8, -0.1, 0.1, 0.8])
-def test_gradients_equal_finite_differences(assert_gradient, q, v):
-    assert_gradient(lambda x: axis_force(x[0], x[1], **AXIS), [q, v])
-
-
-def test_gradients_with_respect_to_the_constants_equal_finite_differences(assert_gradient):
-    names = tuple(AXIS)
-    assert_gradient(
-        lambda x: axis_force(np.array([-0.03, 0.03]), np.array([0.8, -0.8]), **dict(zip(names, x, strict=True))),
-        list(AXIS.values()))
-
-
-@pytest.mark.parametrize("q", [-0.015, 0.0, 0.015])
-def test_gradient_is_finite_at_the_kinks(autodiff_gradient, q):
-    assert np.all(np.isfinite(autodiff_gradient(lambda x: axis_force(x[0], x[1], **AXIS), [q, 0.5])))
+def test_gradients_equal_finite_differences_and_are_finite_at_the_kinks(assert_gradient, autodiff_gradient):
+    for q in (-0.03, -0.01, 0.01, 0.03):
+        for v in (-0.8, -0.1, 0.1, 0.8):
+            assert_gradient(lambda x: axis_force(*x[:2], **dict(zip(AXIS, x[2:], strict=True))),
+                            [q, v, *AXIS.values()])
+    for q in (-0.015, 0.0, 0.015):
+        assert np.all(np.isfinite(autodiff_gradient(lambda x: axis_force(x[0], x[1], **AXIS), [q, 0.5])))

@@ -12,14 +12,9 @@ from vsf_drake.laws.hunt_crossley import matched_dissipation, normal_force
 SPHERE = {"stiffness": 3e4, "exponent": 1.0}
 
 
-def test_force_at_rest_is_the_elastic_one():
-    assert normal_force(2e-3, 0.0, stiffness=3e5, exponent=1.5, dissipation=0.8) == pytest.approx(3e5 * 2e-3**1.5)
-
-
 def test_damping_grows_with_the_elastic_force_and_never_pulls():
-    rate = np.array([0.5, -0.5, -1.25, -9.0])
-    found = normal_force(2e-3, rate, **SPHERE, dissipation=0.8)
-    np.testing.assert_allclose(found, 60.0 * np.array([1.4, 0.6, 0.0, 0.0]), atol=1e-12)
+    force = normal_force(2e-3, np.array([0.0, 0.5, -0.5, -1.25, -9.0]), stiffness=3e5, exponent=1.5, dissipation=0.8)
+    np.testing.assert_allclose(force, 3e5 * 2e-3**1.5 * np.array([1.0, 1.4, 0.6, 0.0, 0.0]), atol=1e-12)
     assert normal_force(0.0, 3.0, **SPHERE, dissipation=0.8) == 0.0
 
 
@@ -35,16 +30,14 @@ def test_matched_dissipation_loses_in_a_stroke_what_the_papers_law_loses(exponen
         return quad(lambda t: force(depth * np.sin(w * t), depth * w * np.cos(w * t)) * depth * w * np.cos(w * t),
                     0.0, np.pi / w, points=[0.5 * np.pi / w], limit=400, epsabs=1e-12)[0]
 
-    found = loss(lambda x, v: float(normal_force(x, v, stiffness=k, exponent=exponent, dissipation=dissipation)))
+    matched = loss(lambda x, v: float(normal_force(x, v, stiffness=k, exponent=exponent, dissipation=dissipation)))
     paper = loss(lambda x, v: float(kelvin_voigt.normal_force(
         x, v, stiffness=k, exponent=exponent, damping=b, full_damping_depth=1e-5)))
-    assert found == pytest.approx(0.25 * np.pi * b * depth**2 * w, rel=1e-8)
-    assert found == pytest.approx(paper, rel=4.0 / np.pi / 1200.0 * 1.01)
-
-
-def test_nothing_to_match_gives_no_dissipation():
-    assert matched_dissipation(stiffness=0.0, exponent=1.0, damping=3.0, depth=1e-3) == 0.0
-    assert matched_dissipation(stiffness=1e4, exponent=1.0, damping=0.0, depth=1e-3) == 0.0
+    assert matched == pytest.approx(0.25 * np.pi * b * depth**2 * w, rel=1e-8)
+    assert matched == pytest.approx(paper, rel=4.0 / np.pi / 1200.0 * 1.01)
+    for nothing in ("stiffness", "damping"):
+        law = {"stiffness": k, "exponent": exponent, "damping": b, "depth": depth} | {nothing: 0.0}
+        assert matched_dissipation(**law) == 0.0
 
 
 def rebound(speed: float, dissipation: float) -> float:
@@ -60,29 +53,19 @@ def rebound(speed: float, dissipation: float) -> float:
     return -run.y[1, -1] / speed
 
 
-def test_slow_impacts_lose_two_thirds_of_dissipation_times_speed():
+def test_slow_impacts_lose_two_thirds_of_dissipation_times_speed_and_faster_ones_more():
     """Hunt and Crossley 1975: the coefficient of restitution tends to 1 - 2/3 dissipation speed (their alpha: 3/2)."""
     for speed in (0.01, 0.05):
         assert 1.0 - rebound(speed, 0.6) == pytest.approx(2.0 / 3.0 * 0.6 * speed, rel=0.03)
-
-
-def test_faster_impacts_and_more_dissipation_rebound_less():
     assert rebound(0.1, 0.6) > rebound(0.5, 0.6) > rebound(2.0, 0.6) > 0.0
     assert rebound(0.5, 0.0) == pytest.approx(1.0, abs=1e-6)
-    assert rebound(0.5, 1.2) < rebound(0.5, 0.6)
 
 
-@pytest.mark.parametrize("rate", [0.4, -0.4])
-def test_gradient_by_every_argument(assert_gradient, rate):
+def test_gradient_by_every_argument_and_finite_at_touch_down(assert_gradient, autodiff_gradient):
     def by(x):
         return normal_force(x[:1] * 1e-3, x[1:2], stiffness=x[2:3] * 1e5, exponent=x[3:4], dissipation=x[4:5])
 
-    assert_gradient(by, [4.0, rate, 1.3, 1.5, 0.7], rtol=1e-6)
-
-
-def test_gradient_is_finite_at_touch_down(autodiff_gradient):
-    def by(x):
-        return normal_force(x[:1], x[1:2], stiffness=x[2:3], exponent=x[3:4], dissipation=x[4:5])
-
+    for rate in (0.4, -0.4):
+        assert_gradient(by, [4.0, rate, 1.3, 1.5, 0.7], rtol=1e-6)
     for rate in (0.0, 1.0, -2.0):
-        assert np.all(np.isfinite(autodiff_gradient(by, [0.0, rate, 1e4, 1.0, 0.5])))
+        assert np.all(np.isfinite(autodiff_gradient(by, [0.0, rate, 0.1, 1.0, 0.5])))

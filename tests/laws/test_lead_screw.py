@@ -28,16 +28,13 @@ def test_torque_and_efficiency_of_a_published_example():
     """
     lead = 0.25 * INCH_M
     tangent, friction = law.thread(lead, 1.3429 * INCH_M, 0.15, math.radians(14.5))
-    load = 12500.0 * POUND_N
-    torque = screw_torque(load, lead=lead, tangent=tangent, friction=friction, against=True)
+    torque = screw_torque(12500.0 * POUND_N, lead=lead, tangent=tangent, friction=friction, against=True)
     assert torque / (POUND_N * INCH_M) == pytest.approx(1809.0, rel=4e-3)
-    assert law.driving_efficiency(tangent, friction) == pytest.approx(12500 * 0.25 / (2 * math.pi * 1809), rel=4e-3)
     assert math.degrees(math.atan(tangent)) == pytest.approx(3.39, abs=5e-3)
 
 
 def test_without_friction_the_torque_is_the_work_of_a_turn_over_two_pi_both_ways():
-    up = screw_torque(300.0, lead=LEAD, tangent=TANGENT, friction=0.0, against=True)
-    down = screw_torque(300.0, lead=LEAD, tangent=TANGENT, friction=0.0, against=False)
+    up, down = (screw_torque(300.0, lead=LEAD, tangent=TANGENT, friction=0.0, against=way) for way in (True, False))
     assert up == pytest.approx(300.0 * LEAD / (2 * math.pi), rel=1e-14)
     assert down == pytest.approx(-up, rel=1e-14)
 
@@ -47,24 +44,15 @@ def test_a_screw_that_locks_itself_is_less_than_half_efficient_and_must_be_drive
     for tangent, friction in rng.uniform(0.01, 0.6, (200, 2)):
         locks = tangent < friction
         assert locks == (law.returning_efficiency(tangent, friction) < 0.0)
-        down = screw_torque(1.0, lead=LEAD, tangent=tangent, friction=friction, against=False)
-        assert locks == (down > 0.0)
-        if locks:
-            assert law.driving_efficiency(tangent, friction) < 0.5
-
-
-def test_a_screw_too_steep_for_its_friction_is_refused():
+        assert not locks or law.driving_efficiency(tangent, friction) < 0.5
     with pytest.raises(ValueError, match="no torque turns this screw"):
         law.driving_efficiency(2.0, 0.6)
+    with pytest.raises(ValueError, match="gives way"):
+        law.locked_creep_speed(0.2, 0.1, CREEP)
 
 
-def test_motor_draws_stall_current_at_rest_and_none_at_its_ideal_speed():
-    motor = {"torque_constant": 7e-3, "resistance": 3.0}
-    assert law.motor_current(6.0, 0.0, **motor) == pytest.approx(2.0)
-    assert law.motor_current(6.0, 6.0 / 7e-3, **motor) == pytest.approx(0.0, abs=1e-12)
-
-
-def test_voltage_for_the_speed_limit_turns_an_ideal_motor_at_that_limit():
+def test_motor_draws_stall_current_at_rest_and_none_at_the_ideal_speed_of_its_voltage():
+    assert law.motor_current(6.0, 0.0, torque_constant=7e-3, resistance=3.0) == pytest.approx(2.0)
     voltage = law.limited_voltage(100.0, 0.05, lead=LEAD, gear_ratio=3.0, torque_constant=7e-3)
     rotor = 3.0 * 2.0 * math.pi / LEAD * 0.05  # rad/s at the limit: three turns of it make one of the screw
     assert law.motor_current(voltage, rotor, torque_constant=7e-3, resistance=3.0) == pytest.approx(0.0, abs=1e-12)
@@ -75,7 +63,8 @@ def test_servo_voltage_is_odd_limited_and_zero_within_the_tolerance():
     servo = {"limit": 7.0, "band": 2e-3, "tolerance": 1e-4}
     assert law.servo_voltage(9e-5, **servo) == law.servo_voltage(-9e-5, **servo) == 0.0
     assert law.servo_voltage(0.05, **servo) == pytest.approx(7.0, rel=1e-9)
-    assert law.servo_voltage(-3e-3, **servo) == -law.servo_voltage(3e-3, **servo)
+    for error in (2.1e-3, -2.1e-3):
+        assert law.servo_voltage(error, **servo) == pytest.approx(math.copysign(7.0 * math.tanh(1.0), error))
 
 
 def test_motion_satisfies_both_equations_and_friction_takes_energy():
@@ -100,28 +89,21 @@ def test_motion_satisfies_both_equations_and_friction_takes_energy():
     assert len(seen) == 4
 
 
-@pytest.mark.parametrize("load", [1.0, 100.0, 1e4, 1e6])
-def test_no_axial_load_moves_a_locked_screw_faster_than_its_creep_speed(load):
+def test_no_axial_load_moves_a_locked_screw_faster_than_its_creep_speed():
     bound = law.locked_creep_speed(TANGENT, FRICTION, CREEP)
     assert 0.0 < bound < CREEP
     body = {"rotor_mass": 12.0, "carriage_mass": 0.1, "tangent": TANGENT}
-    at_bound = law.carriage_motion(0.0, -load, law.direction(bound, CREEP), **body, friction=FRICTION)
-    assert at_bound.acceleration <= 1e-9 * load
-    slippery = law.carriage_motion(0.0, -load, 1.0, **body, friction=0.5 * TANGENT)
-    assert slippery.acceleration > 0.0
-
-
-def test_creep_speed_of_a_screw_that_gives_way_is_refused():
-    with pytest.raises(ValueError, match="gives way"):
-        law.locked_creep_speed(0.2, 0.1, CREEP)
+    for load in (1.0, 1e4, 1e6):
+        at_bound = law.carriage_motion(0.0, -load, law.direction(bound, CREEP), **body, friction=FRICTION)
+        assert at_bound.acceleration == pytest.approx(0.0, abs=1e-9 * load)
+        assert law.carriage_motion(0.0, -load, 1.0, **body, friction=0.5 * TANGENT).acceleration > 0.0
 
 
 def test_stops_push_inwards_only_and_begin_without_a_jump():
     stop = {"low": 0.066, "high": 0.151, "stiffness": 1e5, "dissipation": 10.0}
     assert law.stop_force(0.1, 0.3, **stop) == 0.0
-    assert law.stop_force(0.152, 0.0, **stop) == pytest.approx(-100.0)
-    assert law.stop_force(0.065, 0.0, **stop) == pytest.approx(100.0)
     for beyond, outwards in ((0.152, 1.0), (0.065, -1.0)):
+        assert law.stop_force(beyond, 0.0, **stop) == pytest.approx(-100.0 * outwards)
         assert law.stop_force(beyond, 0.05 * outwards, **stop) == pytest.approx(-150.0 * outwards)
         assert law.stop_force(beyond, -1.0 * outwards, **stop) == 0.0  # leaving fast: it does not pull
     assert abs(law.stop_force(0.151 + 1e-12, 1.0, **stop)) < 1e-5

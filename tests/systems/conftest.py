@@ -126,14 +126,3 @@ def _evaluate(rig: Rig, system: LeafSystem, context: Context, system_context: Co
 def evaluate(rig) -> Callable[..., dict]:
     """evaluate(system, plant context, [system context], **inputs) -> every output by name."""
     return lambda *args, **inputs: _evaluate(rig, *args, **inputs)
-
-
-def _port_names(system: LeafSystem) -> tuple[list[str], list[str]]:
-    return ([system.get_input_port(i).get_name() for i in range(system.num_input_ports())],
-            [system.get_output_port(i).get_name() for i in range(system.num_output_ports())])
-
-
-@pytest.fixture
-def port_names() -> Callable[[LeafSystem], tuple[list[str], list[str]]]:
-    """Names of the input ports and of the output ports of a system."""
-    return _port_names

@@ -116,8 +116,8 @@ def test_one_system_does_what_the_separate_ones_do(feet, apart, seed):
     one.place(*some_state(seed))
     state = one.plant.GetPositionsAndVelocities(one.plant_context)
     expected = apart.derivatives(state)
-    found = one.diagram.EvalTimeDerivatives(one.context).CopyToVector()
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10 * np.abs(expected).max())
+    actual = one.diagram.EvalTimeDerivatives(one.context).CopyToVector()
+    np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-10 * np.abs(expected).max())
     assert (one.output("normal_force") > 0).sum() > 5
     for name in apart.sources:
         np.testing.assert_allclose(one.output(name), apart.output(name), rtol=1e-9, atol=1e-11, err_msg=name)
@@ -140,8 +140,8 @@ def test_compiled_forces_equal_those_of_the_array_laws(feet, contact, ground):
             np.testing.assert_allclose(value, other, rtol=1e-10, atol=1e-12 * max(1.0, np.abs(other).max()),
                                        err_msg=name)
         expected = foot.diagram.EvalTimeDerivatives(foot.context).CopyToVector()
-        found = ExtractValue(general.EvalTimeDerivatives(context).CopyToVector()).ravel()
-        np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-10 * np.abs(expected).max())
+        actual = ExtractValue(general.EvalTimeDerivatives(context).CopyToVector()).ravel()
+        np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-10 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("seed", SEEDS)

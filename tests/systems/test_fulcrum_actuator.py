@@ -13,7 +13,6 @@ from pydrake.systems.analysis import Simulator
 from vsf_drake.errors import InputError
 from vsf_drake.laws import lead_screw as law
 from vsf_drake.parameters import ActuatorParameters
-from vsf_drake.schema import dump_yaml, load_yaml
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumActuator_
 
 P = ActuatorParameters()
@@ -82,15 +81,9 @@ def test_the_whole_range_takes_its_length_over_the_steady_speed_and_some_time_co
     assert context.get_time() < 3 * 0.4 - 3 * 0.03  # three swings of 0.4 s, less their confirmation
 
 
-def test_with_the_motor_off_no_load_moves_the_carriage():
-    actuator, simulator, context = run(support_force=-3000.0)
-    simulator.AdvanceTo(1.0)
-    assert values(actuator, context) == {name: 0.0 for name in OUTPUTS} | {"fulcrum_position": 0.108}
-
-
 @pytest.mark.parametrize("axial", [-200.0, 50.0])
 def test_pushed_along_the_rail_the_locked_carriage_creeps_less_than_the_bound(axial):
-    actuator, simulator, context = run(axial_load=axial)
+    actuator, simulator, context = run(axial_load=axial, support_force=-3000.0)
     simulator.AdvanceTo(0.1)
     bound = 0.1 * law.locked_creep_speed(TANGENT, FRICTION, P.creep_speed_m_per_s)
     moved = values(actuator, context)["fulcrum_position"] - 0.108
@@ -98,19 +91,18 @@ def test_pushed_along_the_rail_the_locked_carriage_creeps_less_than_the_bound(ax
     assert values(actuator, context)["energy"] == 0.0
 
 
-@pytest.mark.parametrize("until", [0.004, 0.1, 0.33, 0.5])
-def test_energy_taken_is_kinetic_energy_and_work_and_losses(until):
+def test_energy_taken_is_kinetic_energy_and_work_and_losses():
     """While it gets under way, runs, brakes before the target and rests; the motor is switched off at 0.3 s."""
     actuator, simulator, context = run(start=0.12, desired_position=0.145, enabled=1.0, support_force=20.0)
-    simulator.AdvanceTo(min(until, 0.3))
-    if until > 0.3:
-        actuator.GetInputPort("enabled").FixValue(context, [0.0])
+    for until in (0.004, 0.1, 0.3, 0.33, 0.5):
         simulator.AdvanceTo(until)
-    now = values(actuator, context)
-    kinetic = 0.5 * ROTOR_KG * now["carriage_velocity"] ** 2
-    assert now["energy"] == pytest.approx(kinetic + now["work"] + now["losses"], rel=1e-5)
-    drag = (P.rail_drag_n + P.rail_friction * 20.0) * (now["fulcrum_position"] - 0.12)
-    assert now["work"] == pytest.approx(drag + 0.5 * 0.1 * now["carriage_velocity"] ** 2, rel=2e-2)
+        now = values(actuator, context)
+        kinetic = 0.5 * ROTOR_KG * now["carriage_velocity"] ** 2
+        assert now["energy"] == pytest.approx(kinetic + now["work"] + now["losses"], rel=1e-5)
+        drag = (P.rail_drag_n + P.rail_friction * 20.0) * (now["fulcrum_position"] - 0.12)
+        assert now["work"] == pytest.approx(drag + 0.5 * 0.1 * now["carriage_velocity"] ** 2, rel=2e-2)
+        if until == 0.3:
+            actuator.GetInputPort("enabled").FixValue(context, [0.0])
 
 
 def test_switched_off_it_stops_within_the_brake_s_distance_and_takes_nothing_more():
@@ -208,35 +200,9 @@ def test_gradient_is_finite_at_rest_without_any_load():
     assert np.all(np.isfinite(ExtractGradient(converted.EvalTimeDerivatives(context).CopyToVector())))
 
 
-def test_only_the_current_and_the_error_pass_inputs_through():
-    actuator = FulcrumActuator()
-    ports = {actuator.get_output_port(i).get_name(): i for i in range(actuator.num_output_ports())}
-    assert tuple(ports) == OUTPUTS
-    through = {name for name, i in ports.items() if any(
-        actuator.HasDirectFeedthrough(j, i) for j in range(actuator.num_input_ports()))}
-    assert through == {"motor_current", "position_error"}
-
-
-def test_every_documented_port_and_parameter_exists():
-    text, actuator = FulcrumActuator.__doc__, FulcrumActuator()
-    listed = text.split("Parameters in the Context:")[1].split(".\n")[0].replace("\n", " ")
-    assert tuple(name.strip() for name in listed.split(",")) == actuator.parameter_names
-    assert set(actuator.parameter_names) >= {field.name for field in dataclasses.fields(P)}
-
-
-def test_parameters_go_through_yaml(tmp_path):
-    path = tmp_path / "actuator.yaml"
-    path.write_text(dump_yaml(dataclasses.replace(P, gear_ratio=4.0)), encoding="utf-8")
-    assert load_yaml(path, ActuatorParameters) == dataclasses.replace(P, gear_ratio=4.0)
-    path.write_text("screw_led_m: 0.002\n", encoding="utf-8")
-    with pytest.raises(InputError, match="Did you mean screw_lead_m"):
-        load_yaml(path, ActuatorParameters)
-
-
 @pytest.mark.parametrize(("arguments", "words"), [
     ({"parameters": dataclasses.replace(P, thread_friction=0.05)}, "gives way under the keel's load"),
     ({"parameters": dataclasses.replace(P, supply_voltage_v=-7.4)}, "supply_voltage_v.*outside its physical range"),
-    ({"parameters": dataclasses.replace(P, winding_resistance_ohm=math.nan)}, "not a finite number"),
     ({"parameters": dataclasses.replace(P, rotor_inertia_kg_m2=0.0, screw_inertia_kg_m2=0.0)}, "too light"),
     ({"carriage_mass": 0.0}, "must be above 0"),
     ({"initial_position": 0.06}, "outside the carriage's travel.*between 0.066 and 0.151"),

@@ -1,17 +1,20 @@
-"""The controller moves the fulcrum in swing only, whatever tells it of swing."""
+"""The controller moves the fulcrum in swing only, whatever tells it of swing; its sensor and recorder."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from pydrake.autodiffutils import AutoDiffXd
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RigidTransform_, RollPitchYaw_, RotationMatrix
+from pydrake.multibody.math import SpatialVelocity, SpatialVelocity_
 from pydrake.systems.analysis import Simulator
 
 from vsf_drake.errors import InputError
-from vsf_drake.systems.swing_controller import AdjustmentRecorder, SwingController
+from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
 PERIOD = 5e-3
-LEVEL = {"grf": [0.0, 0.0, 0.0], "shank_angle": [0.0, 0.0]}
 
 
 def follow(system, inputs, *, period=PERIOD):
@@ -32,20 +35,18 @@ def loads(*newtons):
 
 
 def test_swing_needs_the_load_to_stay_away_for_the_debounce_time():
-    enabled, phase, commanded = follow(SwingController(), loads(600, 15, 15, 15, 15, 15, 15, 600))
+    inputs = loads(600, 15, 15, 15, 15, 15, 15, 600)
+    inputs[6]["desired_position"] = 0.07  # too late: the position wanted at the onset of swing holds until the next
+    enabled, phase, commanded = follow(SwingController(), inputs)
     assert phase.tolist() == [0, 1, 1, 1, 1, 2, 2, 0]  # 20 ms are four periods after the first unloaded sample
     assert enabled.tolist() == [0, 0, 0, 0, 0, 1, 1, 0]
     assert commanded.tolist() == [0.108] * 5 + [0.14] * 3
 
 
-def test_a_short_unloading_is_no_swing():
+def test_a_short_unloading_is_no_swing_and_between_the_thresholds_the_phase_stays():
     enabled, phase, _ = follow(SwingController(), loads(600, 0, 0, 0, 25, 0, 0, 0, 600))
     assert phase.tolist() == [0, 1, 1, 1, 0, 1, 1, 1, 0]
     assert not enabled.any()
-
-
-def test_between_the_thresholds_the_phase_stays():
-    """Hysteresis: 25 N begins no swing and ends none."""
     _, phase, _ = follow(SwingController(debounce=PERIOD), loads(25, 25, 25, 0, 0, 25, 25, 31, 25, 25))
     assert phase.tolist() == [0, 0, 0, 1, 2, 2, 2, 0, 0, 0]
 
@@ -56,13 +57,6 @@ def test_a_heel_that_bounces_does_not_enable_the_motor_in_stance():
     assert enabled[5] == 1.0
     assert not enabled[6:58].any()  # bounce of 100 ms: within the least stance of 200 ms
     assert enabled[-1] == 1.0
-
-
-def test_the_position_wanted_at_the_onset_of_swing_holds_until_the_next():
-    inputs = loads(0, 0, 0, 0, 0, 0, 0, 0)
-    inputs[6]["desired_position"] = 0.07
-    _, _, commanded = follow(SwingController(), inputs)
-    assert commanded[-1] == 0.14
 
 
 def test_a_signal_that_is_not_a_number_switches_the_motor_off():
@@ -118,14 +112,6 @@ def test_both_signals_together_enable_only_where_each_would():
     assert enabled.tolist() == [0.0] * 12 + [1.0] * 4 + [0.0] * 8
 
 
-def test_the_signal_that_is_not_used_needs_no_connection():
-    controller = SwingController(signal="shank")
-    context = controller.CreateDefaultContext()
-    controller.GetInputPort("shank_angle").FixValue(context, [0.0, 0.0])
-    controller.GetInputPort("desired_position").FixValue(context, [0.1])
-    controller.ExecuteForcedEvents(context)
-
-
 def test_commanded_position_carries_the_derivative_of_the_desired_one():
     converted = SwingController(debounce=0.0).ToAutoDiffXd()
     simulator_context = converted.CreateDefaultContext()
@@ -137,11 +123,6 @@ def test_commanded_position_carries_the_derivative_of_the_desired_one():
     assert updated[0].value() == 2.0
 
 
-def test_outputs_do_not_depend_on_inputs_within_a_sample():
-    for system in (SwingController(), AdjustmentRecorder()):
-        assert not system.HasAnyDirectFeedthrough()
-
-
 @pytest.mark.parametrize(("arguments", "words"), [
     ({"signal": "emg"}, "'emg' is not known. Known are: contact, shank, both"),
     ({"period": 0.0}, "no sampling period"),
@@ -151,6 +132,8 @@ def test_outputs_do_not_depend_on_inputs_within_a_sample():
 def test_a_controller_that_cannot_be_is_refused(arguments, words):
     with pytest.raises(InputError, match=words):
         SwingController(**arguments)
+    with pytest.raises(InputError, match="period: is 0"):
+        AdjustmentRecorder(period=0.0)
 
 
 def test_recorder_adds_up_the_swings_and_the_energy_of_each_adjustment():
@@ -176,6 +159,53 @@ def test_recorder_counts_the_inrush_before_it_sees_the_motor_enabled():
     assert energy[-1] == pytest.approx(0.36)
 
 
-def test_recorder_refuses_a_period_of_nothing():
-    with pytest.raises(InputError, match="period: is 0"):
-        AdjustmentRecorder(period=0.0)
+def angle(R_WB, w_WB_W=(0.0, 0.0, 0.0)):
+    sensor = ShankAngle(body_index=1)
+    context = sensor.CreateDefaultContext()
+    poses = [RigidTransform(), RigidTransform(R_WB, [1.0, 2.0, 3.0])]
+    velocities = [SpatialVelocity.Zero(), SpatialVelocity(np.array(w_WB_W), np.ones(3))]
+    sensor.GetInputPort("body_poses").FixValue(context, AbstractValue.Make(poses))
+    sensor.GetInputPort("body_spatial_velocities").FixValue(context, AbstractValue.Make(velocities))
+    return sensor.get_output_port().Eval(context)
+
+
+def test_leaning_forward_is_positive_whatever_the_heading():
+    for lean in (-0.6, 0.0, 0.9, 2.0):
+        for heading in (0.0, 1.3, -2.5):
+            R_WB = RotationMatrix.MakeZRotation(heading) @ RotationMatrix.MakeYRotation(lean)
+            leftward = RotationMatrix.MakeZRotation(heading).col(1)
+            np.testing.assert_allclose(angle(R_WB, 2.5 * leftward), [lean, 2.5], atol=1e-14)
+            np.testing.assert_allclose(angle(R_WB, [0.0, 0.0, 3.0]), [lean, 0.0], atol=1e-14)  # turning on the spot
+
+
+def test_rate_is_the_derivative_of_the_angle_in_any_motion():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        R_WB = RotationMatrix(RollPitchYaw_[float](rng.uniform(-0.7, 0.7, 3)).ToRotationMatrix().matrix())
+        w = rng.normal(size=3)
+
+        def turned(h, R_WB=R_WB, w=w):
+            axis = w / np.linalg.norm(w)
+            return angle(RotationMatrix(AngleAxis(h * np.linalg.norm(w), axis)) @ R_WB)[0]
+
+        assert angle(R_WB, w)[1] == pytest.approx((turned(1e-6) - turned(-1e-6)) / 2e-6, abs=1e-8)
+
+
+def test_derivatives_are_exact():
+    converted = ShankAngle(body_index=0).ToAutoDiffXd()
+    context = converted.CreateDefaultContext()
+    x = InitializeAutoDiff(np.array([0.1, 0.4, -0.2])).ravel()
+    T = type(x[0])
+    pose = RigidTransform_[T](RollPitchYaw_[T](x).ToRotationMatrix(), [T(0.0)] * 3)
+    converted.GetInputPort("body_poses").FixValue(context, AbstractValue.Make([pose]))
+    velocity = SpatialVelocity_[T](np.array([T(0.3), T(-0.5), T(0.2)]), np.array([T(0.0)] * 3))
+    converted.GetInputPort("body_spatial_velocities").FixValue(context, AbstractValue.Make([velocity]))
+    out = converted.get_output_port().Eval(context)
+
+    def plain(rpy):
+        return np.array(angle(RotationMatrix(RollPitchYaw_[float](rpy).ToRotationMatrix().matrix()), [0.3, -0.5, 0.2]))
+
+    point = np.array([0.1, 0.4, -0.2])
+    expected = np.stack([(plain(point + 1e-6 * e) - plain(point - 1e-6 * e)) / 2e-6 for e in np.eye(3)], axis=1)
+    np.testing.assert_allclose(ExtractValue(out).ravel(), plain(point), atol=1e-14)
+    np.testing.assert_allclose(ExtractGradient(out), expected, atol=1e-8)

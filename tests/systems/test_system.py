@@ -1,0 +1,411 @@
+"""What every system has: parameters by name within their bounds, an end, documented ports; all of them in one diagram
+for scalar conversion and derivatives."""
+
+from __future__ import annotations
+
+import gc
+import re
+import weakref
+
+import numpy as np
+import port_text
+import pytest
+from made_feet import loose_foot
+from made_systems import force_systems, further_systems, public_diagrams, public_systems
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
+from pydrake.systems.framework import DiagramBuilder, PortDataType
+from pydrake.systems.primitives import Adder
+
+from vsf_drake.errors import InputError
+from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.plants.bench import BenchDiagram, RollOverDiagram, make_bench, make_roll_over_machine
+from vsf_drake.plants.gait import GaitDiagram, make_gait
+from vsf_drake.plants.station import Station
+from vsf_drake.systems import KeelElasticity
+from vsf_drake.systems.fulcrum import FulcrumCommand
+
+# Parameters by name
+
+
+@pytest.fixture
+def keel():
+    return KeelElasticity(num_velocities=3, velocity_indices=[0, 2], stiffness=[1.0, 2.0], damping=0.5)
+
+
+def test_parameters_are_read_and_set_by_name_a_scalar_for_all(keel):
+    context = keel.CreateDefaultContext()
+    assert keel.parameter_index == {"stiffness": 0, "damping": 1}
+    assert keel.parameter_names == ("stiffness", "damping")
+    np.testing.assert_array_equal(keel.GetParameter(context, "stiffness"), [1.0, 2.0])
+    np.testing.assert_array_equal(context.get_numeric_parameter(1).CopyToVector(), [0.5, 0.5])
+    keel.SetParameters(context, stiffness=7.0, damping=[1.0, 2.0])
+    np.testing.assert_array_equal(keel.GetParameter(context, "stiffness"), [7.0, 7.0])
+    keel.GetInputPort("state").FixValue(context, [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(keel.GetOutputPort("joint_moment").Eval(context), [-7.0, -7.0])
+    context.get_mutable_numeric_parameter(0).SetFromVector([3.0, 4.0])
+    np.testing.assert_array_equal(keel.GetOutputPort("joint_moment").Eval(context), [-3.0, -4.0])
+
+
+def test_unknown_names_wrong_shapes_and_contexts_of_others_are_refused_before_anything_is_set(keel):
+    """A numeric parameter is a number in order: of two keels alike, the other's would be changed unseen."""
+    context = keel.CreateDefaultContext()
+    for values, message in (({"dampng": 1.0}, "known are stiffness, damping"),
+                            ({"damping": [1.0, 2.0, 3.0]}, "damping has shape"), ({"damping": None}, "finite number")):
+        with pytest.raises(ValueError, match=message):
+            keel.SetParameters(context, stiffness=9.0, **values)
+    with pytest.raises(ValueError, match="no parameter 'k'"):
+        keel.GetParameter(context, "k")
+    np.testing.assert_array_equal(keel.GetParameter(context, "stiffness"), [1.0, 2.0])
+    other = KeelElasticity(num_velocities=3, velocity_indices=[0, 2], stiffness=[1.0, 2.0], damping=0.5)
+    for call in (lambda: other.SetParameters(context, stiffness=9.0), lambda: other.GetParameter(context, "stiffness")):
+        with pytest.raises(InputError, match="belongs to another system"):
+            call()
+    np.testing.assert_array_equal(keel.GetParameter(context, "stiffness"), [1.0, 2.0])
+
+
+def test_a_number_without_physical_meaning_is_refused_where_it_is_evaluated():
+    foot = loose_foot()
+    for name, value, message in (
+            ("stiffness", -1.0, r"-1 N/m\^exponent. It must be from 0 to"), ("exponent", 0.5, "0.5 1. .* from 1 to 20"),
+            ("radius", 42.4, "42.4 m. .* 0.2 m"), ("mu_static", -0.1, "0 to 5"), ("threshold_velocity", 0.0, "m/s"),
+            ("fulcrum_m", 108.0, "108 m. .* 0 to 1 m"), ("joint_damping", -1e-9, "N m s/rad"),
+            ("ground_slope", 2.0, "1 to 1"), ("ground_compliance", -1e-6, "m/N")):
+        before = foot.wired.forces.GetParameter(foot.forces_context, name)
+        foot.wired.forces.SetParameters(foot.forces_context, **{name: value})
+        with pytest.raises(InputError, match=f"{name} of 'vsf_forces': is .*{message}"):
+            foot.output("grf")
+        foot.wired.forces.SetParameters(foot.forces_context, **{name: before})
+    for name, index in foot.wired.forces.parameter_index.items():
+        vector = foot.forces_context.get_mutable_numeric_parameter(index)
+        before = vector.CopyToVector()
+        vector.SetFromVector(np.append(before[:-1], np.nan))
+        with pytest.raises(InputError, match=f"{name} of 'vsf_forces': is nan"):
+            foot.output("support_force")
+        vector.SetFromVector(before)
+    foot.output("support_force")
+
+
+def test_bounds_hold_for_autodiff_too(keel):
+    converted = keel.ToAutoDiffXd()
+    context = converted.CreateDefaultContext()
+    converted.GetInputPort("state").FixValue(context, [AutoDiffXd(1.0)] * 6)
+    converted.SetParameters(context, stiffness=AutoDiffXd(-1.0, [1.0]))
+    with pytest.raises(InputError, match=r"stiffness of .*-1 N m/rad"):
+        converted.GetOutputPort("joint_moment").Eval(context)
+    converted.SetParameters(context, stiffness=AutoDiffXd(2.0, [1.0]))
+    assert converted.GetOutputPort("joint_moment").Eval(context)[0].derivatives() == [-1.0]
+
+
+# Lifetime
+
+
+def collect() -> None:
+    """Three rounds: what a converted diagram holds in C++ is seen only after the diagram itself has gone."""
+    for _ in range(3):
+        gc.collect()
+
+
+@pytest.fixture
+def only_new_objects():
+    """Otherwise every collection goes through all that other tests have imported."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
+def test_systems_end_with_their_last_reference_and_with_their_diagram_and_the_converted_one(rig, only_new_objects):
+    systems = force_systems(rig) | further_systems(rig)
+    assert {type(system) for system in systems.values()} == public_systems()
+    arguments = {name: (type(system), system._arguments) for name, system in systems.items()}
+    del systems
+    for cls, given in arguments.values():
+        system = cls(**given)
+        seen = weakref.ref(system)
+        del system
+        collect()
+        assert seen() is None, cls
+        if cls is FulcrumCommand:  # which does not convert
+            continue
+        builder = DiagramBuilder()
+        system = builder.AddNamedSystem("it", cls(**given))
+        diagram = builder.Build()
+        converted = diagram.ToAutoDiffXd()
+        seen_all = [weakref.ref(x) for x in (system, diagram, converted, converted.GetSubsystemByName("it"))]
+        del builder, system, diagram, converted
+        collect()
+        assert [x() for x in seen_all] == [None] * 4, cls
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_system_lives_as_long_as_a_diagram_around_it(nested, only_new_objects):
+    """No reference to the system itself is left when its ports, parameters and callbacks are used."""
+    builder = DiagramBuilder()
+    keel = builder.AddNamedSystem("keel", KeelElasticity(
+        num_velocities=1, velocity_indices=[0], stiffness=3.0, damping=0.0))
+    builder.ExportInput(keel.GetInputPort("state"), "state")
+    builder.ExportOutput(keel.GetOutputPort("joint_moment"), "joint_moment")
+    diagram = builder.Build()
+    if nested:
+        outer = DiagramBuilder()
+        inner = outer.AddNamedSystem("inner", diagram)
+        outer.ExportInput(inner.GetInputPort("state"), "state")
+        outer.ExportOutput(inner.GetOutputPort("joint_moment"), "joint_moment")
+        diagram = outer.Build()
+        del outer, inner
+    del builder, keel
+    collect()
+    for diagram_of in (lambda: diagram, diagram.ToAutoDiffXd, diagram.Clone):
+        one = diagram_of()
+        collect()
+        context = one.CreateDefaultContext()
+        one.GetInputPort("state").FixValue(context, [2.0, 0.0])
+        assert one.GetOutputPort("joint_moment").Eval(context)[0] == -6.0
+
+
+# Docstrings and declarations agree: ports, their order and sizes, and parameters
+
+
+SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
+DIAGRAMS = {
+    GaitDiagram: lambda model: make_gait(SUBJECT, model, free=("pelvis_ty",)),
+    BenchDiagram: lambda model: make_bench(model.foot, heel=True),
+    RollOverDiagram: lambda model: make_roll_over_machine(model.foot, friction=True),
+}
+IN_A_TABLE = {Station}  # its ports depend on the scenario and stand in the module's table: tests/plants tests it
+
+
+def documented(rig):
+    """Class and instance of every public system and diagram."""
+    assert not public_diagrams() - set(DIAGRAMS) - IN_A_TABLE, "say in DIAGRAMS how to build them"
+    systems = {type(system): system for system in (force_systems(rig) | further_systems(rig)).values()}
+    return systems | {cls: make(ModelParameters()).diagram for cls, make in DIAGRAMS.items()}
+
+
+def test_port_blocks_and_docstrings_say_what_is_declared(rig):
+    for cls, system in documented(rig).items():
+        block, name = port_text.port_block(cls.__doc__), cls.__name__
+        assert block is not None, f"{name} has no .. pydrake_system:: block"
+        assert re.match(rf"{block.name}(\b|_|Diagram)", name)
+        ports = {"Inputs": [system.get_input_port(i) for i in range(system.num_input_ports())],
+                 "Outputs": [system.get_output_port(i) for i in range(system.num_output_ports())]}
+        assert list(block.inputs) == [port.get_name() for port in ports["Inputs"]], name
+        assert list(block.outputs) == [port.get_name() for port in ports["Outputs"]], name
+        declared = [(section, port.get_name(),
+                     port.size() if port.get_data_type() == PortDataType.kVectorValued else None)
+                    for section, of_section in ports.items() for port in of_section]
+        assert not port_text.disagreements(cls.__doc__, declared), name
+        parameters = set(getattr(system, "parameter_names", ()))
+        text = port_text.sections(cls.__doc__).get("Parameters in the Context", "")
+        assert parameters == port_text.listed_parameters(text, parameters), name
+
+
+GOOD = """A system.
+
+.. pydrake_system::
+
+    name: Pump
+    input_ports:
+    - flow
+    - poses
+    output_ports:
+    - head
+    - loss
+
+Inputs: flow (2 n,) m^3/s; poses, of all bodies.
+Outputs: head and loss (n,) m, in air.
+
+Parameters in the Context: width, rest_length. A scalar stands for n equal values.
+"""
+DECLARED = [("Inputs", "flow", 6), ("Inputs", "poses", None), ("Outputs", "head", 3), ("Outputs", "loss", 3)]
+
+
+@pytest.mark.parametrize(("spoilt", "said"), [
+    (GOOD, ""),
+    (GOOD.replace("flow (2 n,)", "flow (3 n,)"), "flow"),
+    (GOOD.replace("flow (2 n,) m^3/s; ", ""), "flow"),
+    (GOOD.replace("flow (2 n,)", "flow"), "flow"),
+    (GOOD.replace("; poses, of all bodies", ""), "poses"),
+    (GOOD.replace("and loss (n,)", "(n,)"), "loss"),
+    (GOOD.replace("(n,) m", "(2,) m"), "head"),
+], ids=["good", "wrong multiple", "unmentioned", "no size", "abstract unmentioned", "output unmentioned", "number"])
+def test_a_port_that_is_not_explained_as_declared_is_found(spoilt, said):
+    lines = port_text.disagreements(spoilt, DECLARED)
+    assert any(said in line for line in lines) if said else not lines
+    text = port_text.sections(spoilt)["Parameters in the Context"]
+    for names, agree in (({"width"}, False), ({"width", "rest_length"}, True), ({"width", "depth"}, False)):
+        assert (port_text.listed_parameters(text, names) == names) == agree
+
+
+# One of everything
+
+
+SEED = 10
+PLANT_PORTS = {"body_poses", "body_spatial_velocities", "state"}
+
+
+@pytest.fixture
+def everything(rig):
+    """(diagram, systems, context): spheres on the way in, sliding; fulcrum off the joints, machine pressing."""
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(rig.plant)
+    systems = force_systems(rig)
+    for name, system in systems.items():
+        system.set_name(name)
+        builder.AddSystem(system)
+        for port in PLANT_PORTS:
+            if system.HasInputPort(port):
+                builder.Connect(plant.GetOutputPort(port), system.GetInputPort(port))
+    contact, friction, reaction = systems["contact"], systems["friction"], systems["reaction"]
+    for receiver in (friction, reaction):
+        builder.Connect(contact.GetOutputPort("normal_force"), receiver.GetInputPort("normal_force"))
+    builder.Connect(friction.GetOutputPort("friction_force"), reaction.GetInputPort("friction_force"))
+    for name, port in (("fulcrum", "fulcrum_position"), ("driver", "desired_state"), ("machine", "platen")):
+        builder.ExportInput(systems[name].GetInputPort(port), port)
+    for port in ("grf", "cop", "free_moment"):
+        builder.ExportOutput(reaction.GetOutputPort(port), port)
+    spatial = [systems[name] for name in ("contact", "friction", "fulcrum", "machine")]
+    multiplexer = builder.AddSystem(ExternallyAppliedSpatialForceMultiplexer(len(spatial)))
+    for i, system in enumerate(spatial):
+        builder.Connect(system.GetOutputPort("spatial_forces"), multiplexer.get_input_port(i))
+    builder.Connect(multiplexer.get_output_port(), plant.get_applied_spatial_force_input_port())
+    generalized = [systems[name] for name in ("bushing", "keel", "driver")]
+    adder = builder.AddSystem(Adder(len(generalized), 9))
+    for i, system in enumerate(generalized):
+        builder.Connect(system.GetOutputPort("generalized_force"), adder.get_input_port(i))
+    builder.Connect(adder.get_output_port(), plant.get_applied_generalized_force_input_port())
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    plant_context = rig.context(SEED)
+    context.SetContinuousState(rig.plant.GetPositionsAndVelocities(plant_context))
+    diagram.GetInputPort("fulcrum_position").FixValue(context, [0.066])
+    diagram.GetInputPort("desired_state").FixValue(context, [0.1, -0.1, 0.5, 0.2])
+    p_WS, _, _ = rig.points(plant_context)
+    diagram.GetInputPort("platen").FixValue(context, [p_WS[-1, 2] + 2e-3, 1.0])
+    return diagram, systems, context
+
+
+def autodiff(diagram, context):
+    converted = diagram.ToAutoDiffXd()
+    ad_context = converted.CreateDefaultContext()
+    ad_context.SetTimeStateAndParametersFrom(context)
+    converted.FixInputPortsFrom(diagram, context, ad_context)
+    return converted, ad_context
+
+
+def derivatives(diagram, context, x):
+    context.SetContinuousState(x)
+    return diagram.EvalTimeDerivatives(context).CopyToVector()
+
+
+def state(context):
+    return context.get_continuous_state_vector().CopyToVector()
+
+
+def test_every_force_is_at_work_in_the_test_state(everything):
+    _, systems, context = everything
+    for name, port in (("contact", "normal_force"), ("friction", "friction_force"), ("fulcrum", "support_force"),
+                       ("bushing", "wrench"), ("keel", "joint_moment"), ("driver", "tracking_error"),
+                       ("machine", "load"), ("reaction", "grf")):
+        system = systems[name]
+        assert np.any(system.GetOutputPort(port).Eval(system.GetMyContextFromRoot(context)) != 0.0), name
+    contact = systems["contact"]
+    sub = contact.GetMyContextFromRoot(context)
+    assert np.any((contact.GetOutputPort("depth").Eval(sub) > 0) & (contact.GetOutputPort("depth_rate").Eval(sub) > 0))
+
+
+def test_autodiff_derivatives_equal_the_float_ones_with_the_parameters_of_the_context(everything):
+    diagram, systems, context = everything
+    contact = systems["contact"]
+    contact.SetParameters(contact.GetMyMutableContextFromRoot(context), stiffness=9e4, exponent=1.3)
+    converted, ad_context = autodiff(diagram, context)
+    expected = diagram.EvalTimeDerivatives(context).CopyToVector()
+    actual = ExtractValue(converted.EvalTimeDerivatives(ad_context).CopyToVector()).ravel()
+    np.testing.assert_allclose(actual, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+
+
+def test_derivative_with_respect_to_the_state_equals_finite_differences(everything):
+    diagram, _, context = everything
+    converted, ad_context = autodiff(diagram, context)
+    x = state(context)
+    ad_context.SetContinuousState(InitializeAutoDiff(x).ravel())
+    actual = ExtractGradient(converted.EvalTimeDerivatives(ad_context).CopyToVector())
+    step = 1e-7
+    expected = np.stack(
+        [(derivatives(diagram, context, x + step * e) - derivatives(diagram, context, x - step * e)) / (2 * step)
+         for e in np.eye(len(x))], axis=1)
+    np.testing.assert_allclose(actual, expected, rtol=1e-4, atol=1e-7 * np.abs(expected).max())
+
+
+def test_gradient_of_the_whole_diagram_is_finite_at_rest_and_at_touch_down(rig, everything):
+    """Zero slip, depth exactly zero at one sphere, keel undeformed, bushing at its kink."""
+    diagram, systems, context = everything
+    for exponent in (1.0, 1.5, 7.66):
+        contact = systems["contact"]
+        contact.SetParameters(contact.GetMyMutableContextFromRoot(context), exponent=exponent)
+        x = np.zeros(18)
+        x[2] = rig.radius[0]
+        converted, ad_context = autodiff(diagram, context)
+        ad_context.SetContinuousState(InitializeAutoDiff(x).ravel())
+        assert np.all(np.isfinite(ExtractGradient(converted.EvalTimeDerivatives(ad_context).CopyToVector())))
+        for port in ("grf", "cop", "free_moment"):
+            value = converted.GetOutputPort(port).Eval(ad_context)
+            assert np.all(np.isfinite(ExtractGradient(value)))
+
+
+def test_derivative_with_respect_to_parameters_equals_finite_differences(everything):
+    diagram, systems, context = everything
+    contact = systems["contact"]
+    point = np.array([3e4, 1.5, 50.0, 0.05])
+    names = ("stiffness", "exponent", "damping", "full_damping_depth")
+
+    def force(values):
+        contact.SetParameters(
+            contact.GetMyMutableContextFromRoot(context), **dict(zip(names, values, strict=True)))
+        return diagram.GetOutputPort("grf").Eval(context).copy()
+
+    step = 1e-6
+    expected = np.stack([
+        (force(point * (1 + step * e)) - force(point * (1 - step * e))) / (2 * step * point[i])
+        for i, e in enumerate(np.eye(4))], axis=1)
+    force(point)
+    converted, ad_context = autodiff(diagram, context)
+    ad_contact = converted.GetSubsystemByName("contact")
+    ad_contact.SetParameters(ad_contact.GetMyMutableContextFromRoot(ad_context),
+                             **dict(zip(names, InitializeAutoDiff(point).ravel(), strict=True)))
+    actual = ExtractGradient(converted.GetOutputPort("grf").Eval(ad_context))
+    np.testing.assert_allclose(actual, expected, rtol=1e-5)
+
+
+def test_derivative_with_respect_to_the_fulcrum_position_equals_finite_differences(everything):
+    diagram, systems, context = everything
+    port, fulcrum = diagram.GetInputPort("fulcrum_position"), systems["fulcrum"]
+
+    def force(position):
+        port.FixValue(context, [position])
+        return fulcrum.GetOutputPort("support_force").Eval(fulcrum.GetMyContextFromRoot(context))[0]
+
+    expected = (force(0.066 + 1e-6) - force(0.066 - 1e-6)) / 2e-6
+    force(0.066)
+    converted, ad_context = autodiff(diagram, context)
+    converted.GetInputPort("fulcrum_position").FixValue(ad_context, [AutoDiffXd(0.066, [1.0])])
+    ad_fulcrum = converted.GetSubsystemByName("fulcrum")
+    actual = ad_fulcrum.GetOutputPort("support_force").Eval(ad_fulcrum.GetMyContextFromRoot(ad_context))[0]
+    assert actual.derivatives()[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_changing_a_parameter_changes_the_output_without_rebuilding(everything):
+    diagram, systems, context = everything
+    before = diagram.EvalTimeDerivatives(context).CopyToVector()
+    for name, system in systems.items():
+        if name == "reaction":  # measures, and exerts nothing
+            continue
+        for parameter in system.parameter_names:
+            sub = system.GetMyMutableContextFromRoot(context)
+            value = system.GetParameter(sub, parameter)
+            system.SetParameters(sub, **{parameter: 1.3 * value + 1e-4})
+            after = diagram.EvalTimeDerivatives(context).CopyToVector()
+            assert not np.array_equal(after, before), (name, parameter)
+            system.SetParameters(sub, **{parameter: value})
+            np.testing.assert_array_equal(diagram.EvalTimeDerivatives(context).CopyToVector(), before)
