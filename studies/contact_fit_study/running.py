@@ -20,10 +20,12 @@ from vsf_drake.analysis.contact_fit import (
     solve,
     verdict,
 )
-from vsf_drake.analysis.contact_fit.assessment import SWEEP_STEP_S, TrialScore, bench_score
+from vsf_drake.analysis.contact_fit.assessment import BenchRow, TrialScore, bench_score
 from vsf_drake.analysis.contact_fit.options import RESULTANT
 from vsf_drake.analysis.contact_fit.paper import PaperEnd
 from vsf_drake.analysis.contact_fit.solution import JointEnd
+from vsf_drake.analysis.contact_fit.table import bench_json
+from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S
 from vsf_drake.errors import FitError, SimulationError
 
 SEED = 0
@@ -53,7 +55,7 @@ def run(case: Case) -> dict[str, Any]:
     told |= {"time": times, "ended": solution.message, "verdict": list(verdict(solution, found)),
              "trials": {score.label: _trial(score) for score in found.scores}, "left_out": _left_out(found)}
     told |= _paper(solution.end, case) if isinstance(solution.end, PaperEnd) else _joint(solution)
-    measured = found.bench or _bench_of(solution)
+    measured = bench_json(found.bench or _bench_of(solution))
     return {**told, "bench": {name: measured.get(name) for name in BENCH}}
 
 
@@ -115,7 +117,7 @@ def _paper(end: PaperEnd, case: Case) -> dict[str, Any]:
             "settled": case.settled, "history": [list(row) for row in state.history]}
 
 
-def _bench_of(solution: ContactFitSolution) -> dict[str, Any]:
+def _bench_of(solution: ContactFitSolution) -> BenchRow:
     """Of a fit that was not given the bench: it judges it all the same."""
     fit = solution.fit
     found = bench_score(dataclasses.replace(solution, fit=ContactFit(

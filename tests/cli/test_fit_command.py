@@ -18,8 +18,6 @@ from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.files import resource
 from vsf_drake.report import fit_output
-from vsf_drake.report.fit_figures import fit_figures
-from vsf_drake.report.fit_output import FIT, fit_page
 
 DATA = resource("data/reference_subject")
 EXACT = DATA / "exact"
@@ -94,12 +92,6 @@ def test_the_screen_tells_trials_parameters_and_every_sentence_of_the_verdict(qu
     assert f"{100 * table['trials'][0]['metrics']['grf_rmse_bw']:.1f}" in row.split()
     assert "offset.height" in said and "Smooth errors of joint angles" in said
     assert "curve.hip_flexion_r.0 " not in said and "friction.mu_static" not in said
-
-
-def test_page_and_figures_come_from_the_saved_table_alone(quick):
-    out, _ = quick
-    table, curves = FIT.read(out)
-    assert fit_page(table, fit_figures(table, curves)) == (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_fit_that_did_not_converge_fails_and_takes_the_old_contact_with_it(run, quick, tmp_path, monkeypatch):

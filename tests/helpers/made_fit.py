@@ -2,116 +2,121 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from made_results import make_plate, make_walk
 
-from vsf_drake.analysis.contact_fit.assessment import PUBLISHED
+from vsf_drake.analysis.contact_fit.assessment import BenchRow, Beside, LeftOut, TrialCurves, TrialScore
+from vsf_drake.analysis.contact_fit.paper import PaperState
+from vsf_drake.analysis.contact_fit.solve import Direction, Pair, Part, Search, Uncertainty
+from vsf_drake.analysis.contact_fit.table import CurveRow, FitTable, FittedPerson, NoiseRatio, ParameterRow, TrialRow
+from vsf_drake.analysis.fulcrum_sweep import swept
+from vsf_drake.analysis.metrics import walk_metrics
 
 ODD = "<b>odd</b> $x_$ ü"
 """A label that is neither HTML nor a formula."""
+POSITIONS = np.linspace(0.066, 0.151, 18)
+METRICS = replace(
+    walk_metrics(make_walk(), make_plate()), grf_rmse_bw=0.02, grf_r2=0.99, fore_aft_rmse_bw=0.01, cop_rmse_fl=0.03,
+    impulse_rmse_bws=0.004, stance_model_s=0.59, stance_measured_s=0.6, scored_window_s=((0.1, 1.1),),
+    null_model_grf_rmse_bw=0.05)
 
 
-def made_trial(label: str = "soft", role: str = "fitted", fulcrum_mm: float = 66.0, **changes: Any) -> dict[str, Any]:
-    """A row of a judged fit."""
-    metrics = {"grf_rmse_bw": 0.02, "grf_r2": 0.99, "fore_aft_rmse_bw": 0.01, "vertical_rmse_bw": 0.02,
-               "cop_rmse_fl": 0.03, "impulse_rmse_bws": 0.004, "scored_window_s": [[0.1, 1.1]]}
-    positions = np.linspace(66.0, 151.0, 18)
-    errors = [*(0.02 + 0.002 * np.abs(positions[:-1] - fulcrum_mm)), None]
-    return {"label": label, "name": f"trial {label}", "file": f"{label}.yaml", "role": role, "synthetic": False,
-            "fulcrum_mm": fulcrum_mm, "metrics": metrics, "null_model_grf_rmse_bw": 0.05, "floor_grf_rmse_bw": 0.01,
-            "stance_error_s": -0.01, "notes": [], "window_s": [0.0, 1.2],
-            "sweep": {"fulcrum_mm": [*positions], "grf_rmse_bw": errors, "true_mm": fulcrum_mm, "best_mm": fulcrum_mm,
-                      "right": True}} | changes
-
-
-def made_parameter(name: str, value: float = 0.5, **changes: Any) -> dict[str, Any]:
-    """A row of a free parameter whose prior is 0 within 1."""
-    return {"name": name, "unit": "m", "value": value, "start": 0.0, "frozen": False, "at_bound": False,
-            "standard_error": 0.3, "interval_95": [value - 0.6, value + 0.6], "share_of_prior": 0.3,
-            "spread_over_starts": 0.01, "value_in_prior_sd": value, "interval_in_prior_sd": [value - 0.6, value + 0.6],
-            "low": -4.0, "high": 4.0, "prior_mean": 0.0, "prior_scale": 1.0, "prior": True, "logarithmic": False,
-            "why": ""} | changes
-
-
-def made_fit(**changes: Any) -> dict[str, Any]:
-    """The table of a joint fit of two trials with a bench, judged by a third."""
-    parameters = [made_parameter("offset.height"),
-                  made_parameter("socket.tz.stiffness", 3.9, at_bound=True, unit="N/m"),
-                  made_parameter("contact.heel.force", -0.2, share_of_prior=0.9, unit="N"),
-                  made_parameter("curve.knee_angle_r.0", 0.1, unit="rad"), made_parameter("trial.soft.height", 0.0),
-                  made_parameter("friction.mu_static", frozen=True, interval_95=None, standard_error=None, unit="1",
-                                 share_of_prior=None, value_in_prior_sd=None, interval_in_prior_sd=None)]
-    names = [row["name"] for row in parameters if not row["frozen"]]
-    matrix = np.eye(len(names))
-    matrix[0, 1] = matrix[1, 0] = -0.95
-    return {
-        "kind": "fit", "strategy": "joint", "success": True, "message": "converged", "synthetic": False,
-        "subject": {"name": "Somebody", "mass_kg": 80.0, "stature_m": 1.8, "prosthetic_side": "right"},
-        "trials": [made_trial(), made_trial("stiff", fulcrum_mm=151.0),
-                   made_trial(ODD, "held out", 108.0, floor_grf_rmse_bw=None)],
-        "verdict": ["The fitted trials are left with 2.0 % body weight.", "Not <so> sure & so on."],
-        "bench": {"name": "a foot", "synthetic": False, "max_load_n": 600.0, "uncertainty_n_per_mm": 0.5,
-                  "fulcrum_mm": [66.0, 151.0], "measured_n_per_mm": [10.0, 32.0], "model_n_per_mm": [10.4, 31.0],
-                  "heel_measured_n_per_mm": 65.0, "heel_model_n_per_mm": 64.0, "rmse_n_per_mm": 0.762},
-        "left_out": [{"kind": "trial", "left_out": ["soft"], "grf_rmse_bw": 0.04, "cop_rmse_fl": None, "failed": ""},
-                     {"kind": "trial", "left_out": ["stiff"], "grf_rmse_bw": None, "cop_rmse_fl": None,
-                      "failed": "the fit failed"}],
-        "parameters": parameters, "curves": [{"coordinate": "knee_angle_r", "largest_deg": 0.4,
-                                              "at_percent_of_cycle": 30.0}],
-        "correlations": {"names": names, "matrix": matrix.tolist()}, "singular_values": [30.0, 4.0, 1.0, 0.2, 0.0],
-        "weakest": [{"singular_value": 0.2, "made_of": [{"name": "offset.height", "share": 0.9}]}],
-        "unidentified": ["contact.heel.force"], "unidentified_above_share": 0.5, "at_bound": ["socket.tz.stiffness"],
-        "together": [{"names": names[:2], "correlation": -0.95}], "together_above": 0.9,
-        "noise": {"assumed": {"vertical": 0.025},
-                  "ratios": [{"trial": "soft", "series": "vertical", "ratio": 0.4}]},
-        "searches": [{"start_cost": 900.0, "cost": 20.0, "success": True, "message": "ftol", "evaluations": 12,
-                      "failed": 0},
-                     {"start_cost": None, "cost": None, "success": False, "message": "the walk fails where it starts",
-                      "evaluations": 1, "failed": 1},
-                     {"start_cost": 2000.0, "cost": 19.0, "success": False, "message": "too many", "evaluations": 60,
-                      "failed": 0}],
-        "best_search": 0, "history": [], "published": PUBLISHED, "options": {"starts": 3, "series": ["vertical"]},
-        "seed": 0, "wall_s": 12.0, "versions": {"drake": "1.51"}, "inputs_sha256": {"soft: soft.yaml": "0" * 64},
-        "series": ["vertical"]} | changes
-
-
-def made_curves(trials: int = 3) -> dict[str, np.ndarray]:
-    """Arrays of so many trials; the last has no centre of pressure."""
-    time = np.linspace(0.0, 1.2, 200)
+def made_curves(*, cop: bool = True) -> TrialCurves:
+    """Model and plate of one trial."""
+    time, centre = np.linspace(0.0, 1.2, 200), np.linspace(0.0, 0.9, 101)
     force = np.column_stack([0.1 * np.sin(5 * time), 0.0 * time, np.maximum(0.0, np.sin(3 * time))])
-    cop = np.linspace(0.0, 0.9, 101)
-    found: dict[str, np.ndarray] = {}
-    for i in range(trials):
-        found |= {f"trial_{i}_time_s": time, f"trial_{i}_measured_bw": force, f"trial_{i}_model_bw": 1.05 * force,
-                  f"trial_{i}_cop_measured_fl": cop + 3.0,
-                  f"trial_{i}_cop_model_fl": np.full(101, np.nan) if i == trials - 1 else cop + 3.02}
-    return found
+    return TrialCurves(time_s=time, measured_bw=force, model_bw=1.05 * force, cop_measured_fl=centre + 3.0,
+                       cop_model_fl=centre + 3.02 if cop else np.full(101, np.nan))
 
 
-def failed_fit(**changes: Any) -> dict[str, Any]:
+def made_trial(label: str = "soft", role: str = "fitted", fulcrum_mm: float = 66.0, *, synthetic: bool = False,
+               judged: bool = True, **changes: Any) -> TrialRow:
+    """A row of a fit; `changes` are of its score."""
+    errors = [*(0.02 + 2.0 * np.abs(POSITIONS[:-1] - 1e-3 * fulcrum_mm)), np.nan]
+    score = TrialScore(**{
+        "label": label, "role": role, "metrics": METRICS, "curves": made_curves(), "floor_grf_rmse_bw": 0.01,
+        "sweep": replace(swept(POSITIONS, errors, true_m=1e-3 * fulcrum_mm), best_mm=fulcrum_mm, right=True)} | changes)
+    return TrialRow(label=label, name=f"trial {label}", file=f"{label}.yaml", role=role, synthetic=synthetic,
+                    fulcrum_mm=fulcrum_mm, window_s=(0.0, 1.2), notes=(), score=score if judged else None)
+
+
+def made_parameter(name: str, value: float = 0.5, **changes: Any) -> ParameterRow:
+    """A row of a free parameter whose prior is 0 within 1."""
+    row = ParameterRow(
+        name=name, unit="m", value=value, start=0.0, standard_error=0.3, interval_95=(value - 0.6, value + 0.6),
+        share_of_prior=0.3, spread_over_starts=0.01, value_in_prior_sd=value, low=-4.0, high=4.0, prior_mean=0.0,
+        interval_in_prior_sd=(value - 0.6, value + 0.6), prior_scale=1.0, prior=True)
+    return replace(row, **changes)
+
+
+def made_search(start_cost: float = 900.0, cost: float = 20.0, success: bool = True, message: str = "ftol") -> Search:
+    return Search(start=np.zeros(5), u=np.zeros(5), start_cost=start_cost, cost=cost, success=success,
+                  message=message, evaluations=12, failed=0)
+
+
+PARAMETERS = (
+    made_parameter("offset.height"), made_parameter("socket.tz.stiffness", 3.9, at_bound=True, unit="N/m"),
+    made_parameter("contact.heel.force", -0.2, share_of_prior=0.9, unit="N"),
+    made_parameter("curve.knee_angle_r.0", 0.1, unit="rad"), made_parameter("trial.soft.height", 0.0),
+    ParameterRow(name="friction.mu_static", unit="1", value=0.5, start=0.5, frozen=True))
+SEARCHES = (made_search(), made_search(np.inf, np.inf, False, "the walk fails where it starts"),
+            made_search(2000.0, 19.0, False, "too many"))
+BENCH = BenchRow(
+    name="a foot", synthetic=False, max_load_n=600.0, fulcrum_mm=(66.0, 151.0), mid_range=None,
+    stiffness=Beside(uncertainty=0.5, measured=(10.0, 32.0), model=(10.4, 31.0), heel_measured=65.0, heel_model=64.0,
+                     rmse=0.762))
+
+
+def made_uncertainty(**changes: Any) -> Uncertainty:
+    """Of the free ones of PARAMETERS."""
+    names = tuple(row.name for row in PARAMETERS if not row.frozen)
+    matrix = np.eye(5)
+    matrix[0, 1] = matrix[1, 0] = -0.95
+    made = Uncertainty(
+        names=names, standard_error=np.full(5, 0.3), interval=np.zeros((5, 2)), share_of_prior=np.full(5, 0.3),
+        correlation=matrix, singular_values=np.array([30.0, 4.0, 1.0, 0.2, 0.0]),
+        weakest=(Direction(0.2, (Part("offset.height", 0.9),)),), at_bound=("socket.tz.stiffness",),
+        unidentified=("contact.heel.force",), together=(Pair((names[0], names[1]), -0.95),))
+    return replace(made, **changes)
+
+
+def made_fit(**changes: Any) -> FitTable:
+    """The table of a joint fit of two trials with a bench, judged by a third."""
+    table = FitTable(
+        strategy="joint", success=True, message="converged", synthetic=False,
+        subject=FittedPerson(name="Somebody", mass_kg=80.0, stature_m=1.8, prosthetic_side="right"),
+        trials=(made_trial(), made_trial("stiff", fulcrum_mm=151.0),
+                made_trial(ODD, "held out", 108.0, floor_grf_rmse_bw=None, curves=made_curves(cop=False))),
+        verdict=("The fitted trials are left with 2.0 % body weight.", "Not <so> sure & so on."), bench=BENCH,
+        left_out=(LeftOut(kind="trial", left_out=("soft",), grf_rmse_bw=0.04, cop_rmse_fl=None),
+                  LeftOut(kind="trial", left_out=("stiff",), grf_rmse_bw=None, cop_rmse_fl=None,
+                          failed="the fit failed")),
+        parameters=PARAMETERS, curves=(CurveRow(coordinate="knee_angle_r", largest_deg=0.4, at_percent_of_cycle=30.0),),
+        uncertainty=made_uncertainty(), noise_ratios=(NoiseRatio(trial="soft", series="vertical", ratio=0.4),),
+        searches=SEARCHES, best_search=0, options={"starts": 3, "noise": {"vertical": 0.025}}, seed=0, wall_s=12.0,
+        versions={"drake": "1.51"}, inputs_sha256={"soft: soft.yaml": "0" * 64}, series=("vertical",))
+    return replace(table, **changes)
+
+
+def failed_fit(**changes: Any) -> FitTable:
     """What is left of it where the fit failed."""
-    whole = made_fit()
-    unknown = {"metrics": None, "sweep": None, "null_model_grf_rmse_bw": None, "floor_grf_rmse_bw": None,
-               "stance_error_s": None}
-    kept = {key: whole[key] for key in ("kind", "strategy", "subject", "synthetic", "bench", "published", "options",
-                                        "seed", "versions", "inputs_sha256", "history", "series")}
-    kept["bench"] = whole["bench"] | {"model_n_per_mm": None, "heel_model_n_per_mm": None, "rmse_n_per_mm": None}
-    return kept | {"success": False, "message": "no <search> converged", "verdict": [], "left_out": [],
-                   "parameters": [], "searches": whole["searches"][1:], "best_search": 1, "wall_s": None,
-                   "trials": [row | unknown for row in whole["trials"]]} | changes
+    unknown = replace(BENCH, stiffness=replace(BENCH.stiffness, model=None, heel_model=None, rmse=None))
+    return made_fit(**{
+        "success": False, "message": "no <search> converged", "verdict": (), "left_out": (), "parameters": (),
+        "searches": SEARCHES[1:], "best_search": 1, "wall_s": None, "uncertainty": None, "curves": (),
+        "noise_ratios": (), "bench": unknown, "trials": (made_trial(judged=False),)} | changes)
 
 
-def paper_fit(**changes: Any) -> dict[str, Any]:
+def paper_fit(**changes: Any) -> FitTable:
     """A fit by the paper's procedure."""
-    history = [{"iteration": i, "rms_n": 100.0 / i, "largest_change": 0.1} for i in (1, 2, 3)]
-    parameters = [made_parameter("contact.heel.stiffness", 5e3, unit="N/m^exponent", interval_95=None, start=4e3,
-                                 standard_error=None, share_of_prior=None, value_in_prior_sd=None, prior=False,
-                                 interval_in_prior_sd=None)]
-    whole = made_fit(strategy="paper", message="converged in iteration 3", history=history, initial_rms_n=120.0,
-                     rms_n=33.3, simulations=304, failed_simulations=2, searches=[], best_search=None,
-                     parameters=parameters, left_out=[])
-    for key in ("correlations", "singular_values", "weakest", "unidentified", "together", "noise", "curves",
-                "at_bound"):
-        del whole[key]
-    return whole | changes
+    state = PaperState(
+        stiffness=3.0, initial_objective_n2=100 * 120.0**2, objective_n2=100 * (100.0 / 3.0)**2, best=(), instants=100,
+        history=tuple((i, 100 * (100.0 / i)**2, 0.1) for i in (1, 2, 3)), simulations=304, failed_simulations=2,
+        wall_s=1.0)
+    row = ParameterRow(name="contact.heel.stiffness", unit="N/m^exponent", value=5e3, start=4e3)
+    return made_fit(**{
+        "strategy": "paper", "message": "converged in iteration 3", "paper": state, "searches": (), "best_search": None,
+        "parameters": (row,), "left_out": (), "uncertainty": None, "curves": (), "noise_ratios": ()} | changes)

@@ -100,6 +100,12 @@ class Agreement:
     heading_deg: float  # of the walk from W's x axis to its y axis
     body_weight_n: float
 
+    @property
+    def stance_error_s(self) -> float | None:
+        """How much longer the model's stance lasts."""
+        model, measured = self.stance_model_s, self.stance_measured_s
+        return None if model is None or measured is None else model - measured
+
     def peak_vertical_bw(self, side: str) -> float | None:
         """Largest vertical force (BW) of the "model" or as "measured", of all stances."""
         peaks = [stance.model_peaks_bw if side == "model" else stance.measured_peaks_bw for stance in self.stances]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsf_drake.cli.app import Out, app, interrupted, path, print_text, say, warn
 from vsf_drake.errors import FitError, InputError
+
+if TYPE_CHECKING:
+    from vsf_drake.analysis.contact_fit.table import FitTable, TrialRow
 
 JOINT, PAPER = "joint", "paper"
 
@@ -79,7 +82,7 @@ def fit(
         [load_trial(file) for file in trials], [load_trial(file) for file in hold_out or ()], bench_file=bench,
         strategy=strategy, seed=seed, starts=starts, solver=solver, free=free or (), freeze=freeze or (),
         resultant=resultant, cop=not no_cop, paths=paths, damping_by_zone=damping_by_zone, quick=quick)
-    synthetic = synthetic_of(task.failed(""))
+    synthetic = synthetic_of(task.table())
     if synthetic:
         say(f"SYNTHETIC, not recorded: {', '.join(synthetic)}.")
     if task.problem.bench is None:
@@ -90,41 +93,41 @@ def fit(
         table = run_task(task, out, checkpoint)
     except KeyboardInterrupt:
         interrupted(checkpoint.after_interruption())
-    if not table["success"]:
-        raise FitError(f"the fit failed: {table['message'].removesuffix('.')}. See {out / 'report.html'}; "
+    if not table.success:
+        raise FitError(f"the fit failed: {table.message.removesuffix('.')}. See {out / 'report.html'}; "
                        "no contact.yaml was written")
     print_fit(table)
     say(f"written to {out}; read report.html first, contact.yaml is for --contact")
 
 
-def print_fit(table: Mapping[str, Any]) -> None:
+def print_fit(table: FitTable) -> None:
     """The table of a fit that succeeded, in short."""
     from vsf_drake.report.fit_output import smooth_errors, synthetic_of
 
-    print_text("fit", **table, synthetic_data=synthetic_of(table), trial_rows=_trial_rows(table["trials"]),
+    print_text("fit", fit=table, synthetic_data=synthetic_of(table), trial_rows=_trial_rows(table.trials),
                parameter_rows=_parameter_rows(table), smooth=smooth_errors(table))
 
 
-def _trial_rows(trials: Sequence[Mapping[str, Any]]) -> list[Sequence[str]]:
+def _trial_rows(trials: Sequence[TrialRow]) -> list[Sequence[str]]:
     """Headings over several lines, and trials; where the sweep is wrong, its best position says so."""
-    from vsf_drake.report.fit_output import told_columns, trial_cells, trial_headings
+    from vsf_drake.report.fit_output import HEADINGS, told_columns, trial_cells
 
-    headings = [heading.split("\n")[::-1] for heading in trial_headings(between="\n")[:-1]]
-    kept = [i for i in told_columns(trials) if i < len(headings)]
-    rows: list[Sequence[str]] = [*zip_longest(*(headings[i] for i in kept), fillvalue="")][::-1]
+    headings = [heading.split("\n")[::-1] for heading in HEADINGS[:-1]]
+    columns = [i for i in told_columns(trials) if i < len(headings)]
+    rows: list[Sequence[str]] = [*reversed([*zip_longest(*(headings[i] for i in columns), fillvalue="")])]
     for trial in trials:
         *cells, right = trial_cells(trial)
         cells[-1] += " NO" if right == "NO" else ""
-        rows.append([cells[i] for i in kept])
+        rows.append([cells[i] for i in columns])
     return rows
 
 
-def _parameter_rows(table: Mapping[str, Any]) -> list[Sequence[str]]:
-    from vsf_drake.report.fit_output import interval_of, own_parameters, unit_of, value_of
+def _parameter_rows(table: FitTable) -> list[tuple[str, ...]]:
+    from vsf_drake.report.fit_output import own_parameters, shown_interval, shown_unit, shown_value
     from vsf_drake.report.page import number
 
     rows = [("parameter", "value", "95 % interval", "unit", "share of prior"), *(
-        (row["name"], value_of(row, "value"), interval_of(row), unit_of(row), number(
-            row["share_of_prior"], "{:.0f} %", 100.0) + (" AT A BOUND" if row["at_bound"] else ""))
+        (row.name, shown_value(row, row.value), shown_interval(row), shown_unit(row),
+         number(row.share_of_prior, "{:.0f} %", 100.0) + (" AT A BOUND" if row.at_bound else ""))
         for row in own_parameters(table))]
-    return [row if table["strategy"] == JOINT else (row[0], row[1], row[3]) for row in rows]  # it knows no errors
+    return [row if table.strategy == JOINT else (row[0], row[1], row[3]) for row in rows]  # it knows no errors

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from vsf_drake.analysis.contact_fit import (
+    Assessment,
     ContactFit,
     ContactFitOptions,
     ContactFitSolution,
@@ -19,9 +20,9 @@ from vsf_drake.analysis.contact_fit import (
     solve,
     standard_parameters,
 )
-from vsf_drake.analysis.contact_fit.assessment import fit_curves, fit_table
 from vsf_drake.analysis.contact_fit.options import COP, FORCES, PAPER, RESULTANT
 from vsf_drake.analysis.contact_fit.problem import bench_of, check_recordings, labels_of
+from vsf_drake.analysis.contact_fit.table import FitTable, fit_json, fit_table
 from vsf_drake.analysis.validation.bench_lines import CURVES, load_measured_bench
 from vsf_drake.cli.app import progress
 from vsf_drake.errors import FitError, InputError, SimulationError
@@ -41,11 +42,15 @@ class Task:
 
     problem: ContactFit
     quick: bool
-    asked: dict[str, Any]  # who judges the fit and what was asked for, for `fit_table`
+    held_out: Sequence[Trial]
+    options: Mapping[str, object]  # what was asked for
+    inputs: Mapping[str, str]
 
-    def failed(self, message: str, solution: ContactFitSolution | None = None) -> dict[str, Any]:
-        """The table of this fit if it failed so."""
-        return fit_table(self.problem, solution, failed=message, **self.asked)
+    def table(self, solution: ContactFitSolution | None = None, judged: Assessment | None = None, *, failed: str = ""
+              ) -> FitTable:
+        """The table of this fit if it ended, or failed, so."""
+        return fit_table(self.problem, solution, judged, failed=failed, held_out=self.held_out, options=self.options,
+                         inputs=self.inputs)
 
 
 def make_task(
@@ -55,17 +60,18 @@ def make_task(
 ) -> Task:
     """What the command's options ask for, after making sure, before the long part, that all of it can be fitted."""
     bench = None if bench_file is None else load_measured_bench(bench_file)
-    told: dict[str, Any] = {"seed": seed, "free": tuple(free), "freeze": tuple(freeze), "paths": paths,
-                            "damping_by_zone": damping_by_zone}
+    asked: dict[str, object] = {"seed": seed, "free": tuple(free), "freeze": tuple(freeze), "paths": paths,
+                                "damping_by_zone": damping_by_zone}
     options: ContactFitOptions | PaperOptions
     if strategy == PAPER:
         options = PaperOptions(seed=seed)
-        told = to_plain(options)
+        asked = to_plain(options)
     else:
-        given: dict[str, Any] = {"starts": 1 if quick else starts, "solver": solver}
+        default = ContactFitOptions()
         options = ContactFitOptions(
             series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())), seed=seed,
-            **{name: value for name, value in given.items() if value is not None})
+            starts=1 if quick else default.starts if starts is None else starts,
+            solver=default.solver if solver is None else solver)
     check_recordings(trials, held_out, series=options.series)
     subject, model = trials[0].subject, trials[0].model
     if bench is not None and bench_file is not None:
@@ -80,9 +86,9 @@ def make_task(
                                      damping_by_zone=damping_by_zone, paths=paths)
     problem = ContactFit(trials, bench=bench, options=options, walker=walker,
                          parameters=with_frozen(parameters, free, freeze))
-    return Task(problem=problem, quick=quick, asked={
-        "held_out": held_out, "inputs": {} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
-        "options": {**told, "quick": quick, "bench": None if bench_file is None else bench_file.name}})
+    return Task(problem=problem, quick=quick, held_out=held_out,
+                inputs={} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
+                options={**asked, "quick": quick, "bench": None if bench_file is None else bench_file.name})
 
 
 class Checkpoint:
@@ -108,8 +114,8 @@ class Checkpoint:
         self.began = True
         self.path.parent.mkdir(parents=True, exist_ok=True)
         clear_fit(self.path.parent, checkpoint=not self.resumed)
-        write_json(self.path.parent / FIT.table, {**task.failed("the fit has not ended"), "files": [FIT.table],
-                                                  "arrays_sha256": None})
+        write_json(self.path.parent / FIT.table, {
+            **fit_json(task.table(failed="the fit has not ended")), "files": [FIT.table], "arrays_sha256": None})
 
     def save(self, state: Mapping[str, Any]) -> None:
         """Replaces the state on disk."""
@@ -125,8 +131,8 @@ class Checkpoint:
         return " before the fit began; nothing was written"
 
 
-def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
-    """Fits, judges and writes to `out`; what fit.json holds, whether the fit succeeded or not."""
+def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> FitTable:
+    """Fits, judges and writes to `out`; the table, whether the fit succeeded or not."""
     with progress() as show:
         def judging(what: str, share: float) -> None:
             low, high = (_SCORED, _REFITTED) if what.startswith("fitting") else (_SEARCHED, _SCORED)
@@ -136,16 +142,19 @@ def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> dict[str, Any]:
         try:
             solution = _solved(task, checkpoint, show)
             solution.check()
-            judged = assess(solution, task.asked["held_out"], sweep=not task.quick, leave_out=not task.quick,
+            judged = assess(solution, task.held_out, sweep=not task.quick, leave_out=not task.quick,
                             progress=judging)
         except (FitError, SimulationError) as error:
             # not of the fit itself: its walks or its foot fail where it is judged
             good = solution is not None and solution.success
             message = solution.message if solution is not None and not good else str(error)
-            return write_fit(task.failed(f"it cannot be judged: {message}" if good else message, solution), {}, out)
+            table = task.table(solution, failed=f"it cannot be judged: {message}" if good else message)
+            write_fit(table, out)
+            return table
         show("writing figures and page", _REFITTED)
-        table = fit_table(task.problem, solution, judged, **task.asked)
-        return write_fit(table, fit_curves(judged), out, contact=solution.contact(tuple(table["verdict"])))
+        table = task.table(solution, judged)
+        write_fit(table, out, contact=solution.contact(table.verdict))
+        return table
 
 
 def _solved(task: Task, checkpoint: Checkpoint, show: Callable[[str, float], None]) -> ContactFitSolution:

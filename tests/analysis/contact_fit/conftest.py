@@ -8,6 +8,7 @@ import pytest
 
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
 from vsf_drake.analysis.contact_fit.parameters import standard_parameters
+from vsf_drake.analysis.validation.bench_lines import load_measured_bench
 from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
@@ -38,8 +39,19 @@ def measured_bench():
     return load_bench_file(resource("data/reference_subject/bench.yaml"))
 
 
+@pytest.fixture(scope="session")
+def bench_curves():
+    """The same foot's curves: stiffness and mid-range displacement."""
+    return load_measured_bench(resource("data/reference_subject/bench_curves.csv"))
+
+
 @pytest.fixture
-def few_free(fit_walker, soft):
+def few_free(make_few_free):
+    return make_few_free
+
+
+@pytest.fixture(scope="session")
+def make_few_free(fit_walker, soft):
     """A fit of the standard parameters, of which only the named ones are free."""
     def make(*names, trials=(soft,), bench=None, labels=None, **options):
         labels = labels or [trial.path.stem for trial in trials]

@@ -61,7 +61,7 @@ def test_applied_to_its_recording_the_contact_file_gives_the_fits_own_walk(every
     found = walk_metrics(walk, applied.prosthetic_plate)
     wanted = walk_metrics(result, trial.prosthetic_plate, comparison=own)
     for name in ("grf_rmse_bw", "cop_rmse_fl", "impulse_rmse_bws"):
-        assert found[name] == pytest.approx(wanted[name], rel=1e-3), name
+        assert getattr(found, name) == pytest.approx(getattr(wanted, name), rel=1e-3), name
 
 
 def test_applied_to_another_recording_it_gives_the_prediction_of_a_held_out_trial(everything, contact_file):

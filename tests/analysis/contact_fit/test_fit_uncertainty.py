@@ -104,8 +104,9 @@ def test_the_priors_own_error_is_one_where_the_data_are_silent():
     assert found.share_of_prior[0] < 0.1
     assert found.unidentified == ("b",)
     assert found.singular_values[1] == 0.0
-    (value, made_of), = found.weakest
-    assert value == 0.0 and set(made_of) == {"b"} and abs(made_of["b"]) == pytest.approx(1.0)
+    (direction,) = found.weakest
+    (part,) = direction.made_of
+    assert direction.singular_value == 0.0 and part.name == "b" and abs(part.share) == pytest.approx(1.0)
 
 
 def test_independent_data_halve_the_error_with_four_times_as_many():
@@ -135,9 +136,9 @@ def test_a_direction_that_nothing_tells_has_no_finite_error_either():
 def test_two_that_act_together_are_named_together():
     by = np.hstack([constant(20.0), constant(20.0) + 0.2 * np.cos(4 * TIMES)[:, None]])
     found = known(FitParameters([plain("a"), plain("b")]), series(by), prior(2))
-    (first, second, correlation), = found.together
-    assert (first, second) == ("a", "b") and correlation < -0.9
-    assert found.correlation[0, 1] == correlation == pytest.approx(found.correlation[1, 0], rel=1e-9)
+    (pair,) = found.together
+    assert pair.names == ("a", "b") and pair.correlation < -0.9
+    assert found.correlation[0, 1] == pair.correlation == pytest.approx(found.correlation[1, 0], rel=1e-9)
 
 
 def test_singular_values_are_of_the_data_alone_and_fall():
@@ -146,8 +147,8 @@ def test_singular_values_are_of_the_data_alone_and_fall():
     found = known(FitParameters([plain(name) for name in "abc"]), *terms)
     np.testing.assert_allclose(found.singular_values, [5.0, 2.0, 0.5])
     np.testing.assert_allclose(found.share_of_prior, 1.0 / np.sqrt(1.0 + np.diag(by) ** 2))
-    (value, made_of), = found.weakest
-    assert value == pytest.approx(0.5) and set(made_of) == {"b"}
+    (direction,) = found.weakest
+    assert direction.singular_value == pytest.approx(0.5) and [part.name for part in direction.made_of] == ["b"]
 
 
 def test_identified_is_what_the_data_tell_twice_as_well_as_the_prior():

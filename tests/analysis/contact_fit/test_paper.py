@@ -70,7 +70,7 @@ def test_objective_is_the_resultants_error_of_the_metrics(trial, walker, short):
     weight, state = trial.subject.mass_kg * GRAVITY, short.state
     for values, objective in ((short.values, state.objective_n2), (short.initial_values, state.initial_objective_n2)):
         _, found = metrics(walker, trial, values, SHORT.step_s)
-        assert state.rms_n(objective) == pytest.approx(weight * found["grf_rmse_bw"], rel=1e-9)
+        assert state.rms_n(objective) == pytest.approx(weight * found.grf_rmse_bw, rel=1e-9)
     assert state.objective_n2 < state.initial_objective_n2
 
 
@@ -92,7 +92,7 @@ def test_initial_guess_just_carries_the_person(trial, walker, short):
     plate = trial.prosthetic_plate
     impulse = np.trapezoid(plate.force_W[:, 2], plate.time_s)
     found = [metrics(walker, trial, each, SHORT.step_s) for each in (values, softer)]
-    start, end = (found[0][1]["stances"][0][f"measured_{word}_s"] for word in ("start", "end"))
+    start, end = (getattr(found[0][1].stances[0], f"measured_{word}_s") for word in ("start", "end"))
     ratios = []
     for walk, _ in found:
         stance = (walk.record.time_s >= start) & (walk.record.time_s <= end)
@@ -243,6 +243,6 @@ def test_one_trial_is_fitted_as_well_as_the_paper_did_and_does_not_transfer(tria
     assert end.converged
     assert end.state.failed_simulations == 0
     own, other = (metrics(walker, each, end.values, 1e-3)[1] for each in (trial, stiff))
-    assert own["grf_rmse_bw"] < 0.053
-    assert own["grf_r2"] > 0.98
-    assert other["grf_rmse_bw"] > 1.5 * own["grf_rmse_bw"]
+    assert own.grf_rmse_bw < 0.053
+    assert own.grf_r2 > 0.98
+    assert other.grf_rmse_bw > 1.5 * own.grf_rmse_bw

@@ -11,7 +11,7 @@ from made_study_walk import with_walks
 from shown_chapter import Shown
 
 from vsf_drake.analysis.comparison import compare, rmse
-from vsf_drake.analysis.contact_fit.assessment import swept
+from vsf_drake.analysis.fulcrum_sweep import swept
 from vsf_drake.analysis.validation import walking_section as module
 from vsf_drake.analysis.validation.walking_section import QUICK_POSITIONS, sweep_entry, sweep_study, walking_section
 from vsf_drake.report.validation.walking_chapter import walking_chapter

@@ -9,53 +9,51 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vsf_drake.analysis.comparison import rmse
 from vsf_drake.analysis.contact_fit.parameters import owner
-from vsf_drake.analysis.contact_fit.problem import ContactFit, check_recordings, labels_with
+from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_with
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd
-from vsf_drake.analysis.contact_fit.solve import CLOSE, SURE_SHARE
+from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
+from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
 from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
 from vsf_drake.bench_curves import BenchMeasurement
-from vsf_drake.contact_file import variable_unit
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.files import plain
-from vsf_drake.motion.trajectory import periodic_bsplines
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.schema import to_plain
 from vsf_drake.sentences import say
-from vsf_drake.simulation.archive import provenance
 
 FITTED, HELD_OUT = "fitted", "held out"
-PUBLISHED = {"doi": "10.1115/1.4050456", "fitted_grf_rmse_bw": 0.053, "other_grf_rmse_bw": [0.10, 0.14],
-             "cop_rmse_fl": [0.057, 0.095], "bench_rmse_n_per_mm": 1.37}
-"""What the model of McGeehan 2021 was left with."""
-PAPER_MID_RANGE_MM = 0.45
 NOISE_TOO_SMALL = 1.2
 """Residuals larger than this many times what was assumed mean that errors are told too small (a choice; with noise as
 assumed half of all series stay below 0.7, since the parameters take up some of it and swing has none)."""
-SWEEP_POSITIONS = 18
-"""Evenly spaced over the carriage, 5 mm apart on the nominal foot."""
-RIGHT_WITHIN_M = 0.0105
-"""Half the distance of the device's five settings (66, 87, 108, 129, 151 mm, McGeehan 2021): nearer, and the sweep
-names the right one."""
-SWEEP_STEP_S = 2e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class FulcrumSweep:
-    """The error of one trial with the fulcrum at positions over the carriage."""
+class Published:
+    """What the model of McGeehan 2021 was left with; two numbers are the least and the largest."""
 
-    fulcrum_mm: tuple[float, ...]
-    grf_rmse_bw: tuple[float, ...]  # of the resultant; NaN where the walk fails
-    true_mm: float
-    best_mm: float  # where the error is least, by the parabola through the three lowest points
-    at_end: bool  # it stood at an end of its range, so that an error outwards could not show
-    right: bool  # best_mm is within RIGHT_WITHIN_M of where it stood
+    doi: str = "10.1115/1.4050456"
+    fitted_grf_rmse_bw: float = 0.053
+    other_grf_rmse_bw: tuple[float, float] = (0.10, 0.14)
+    cop_rmse_fl: tuple[float, float] = (0.057, 0.095)
+    bench_rmse_n_per_mm: float = 1.37
+
+
+PUBLISHED, PAPER_MID_RANGE_MM = Published(), 0.45
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrialCurves:
+    """Model and plate of one trial: forces over time, the centre of pressure over the first stance."""
+
+    time_s: np.ndarray  # (n,)
+    model_bw: np.ndarray  # (n, 3) fore-aft, lateral, vertical
+    measured_bw: np.ndarray
+    cop_measured_fl: np.ndarray  # (101,) fore-aft; NaN where it is not known
+    cop_model_fl: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,15 +62,14 @@ class TrialScore:
 
     Attributes:
         role: FITTED or HELD_OUT.
-        metrics: of `analysis.metrics.walk_metrics`, the null model among them (None without another fitted trial).
-        curves: time_s, model_bw and measured_bw (n, 3), cop_measured_fl and cop_model_fl (101,) of the first stance.
+        metrics: with the null model (None without another fitted trial).
         floor_grf_rmse_bw: what the true foot would be left with on this recording's motion, where that is known.
     """
 
     label: str
     role: str
     metrics: WalkMetrics
-    curves: Mapping[str, np.ndarray]
+    curves: TrialCurves
     sweep: FulcrumSweep | None
     floor_grf_rmse_bw: float | None = None
 
@@ -89,12 +86,37 @@ class LeftOut:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Beside:
+    """A quantity of the bench at its fulcrum positions, and at the heel, which stands apart and is not in the root mean
+    square; None for what is not known or not measured."""
+
+    uncertainty: float
+    measured: tuple[float, ...]
+    model: tuple[float, ...] | None
+    heel_measured: float | None
+    heel_model: float | None
+    rmse: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRow:
+    """Measurement and, where it is known, model on the bench."""
+
+    name: str
+    synthetic: bool
+    max_load_n: float
+    fulcrum_mm: tuple[float, ...]
+    stiffness: Beside  # N/mm
+    mid_range: Beside | None  # mm, the platen's displacement at half of the largest load, where it was measured
+
+
+@dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """All that speaks for and against a fit; `bench` as `bench_row` has it, None without one."""
+    """All that speaks for and against a fit; `bench` is None without one."""
 
     scores: tuple[TrialScore, ...]
     left_out: tuple[LeftOut, ...]
-    bench: Mapping[str, Any] | None
+    bench: BenchRow | None
 
     def mean(self, role: str, key: str) -> float | None:
         """Mean of a metric over the trials of a role; None where there is none."""
@@ -150,9 +172,9 @@ def _trial_score(
     return TrialScore(
         label=name, role=FITTED if label else HELD_OUT, metrics=metrics, floor_grf_rmse_bw=floor,
         sweep=sweep_fulcrum(solution, trial, label) if sweep else None,
-        curves={"time_s": comparison.time_s, "model_bw": comparison.model / weight,
-                "measured_bw": comparison.measured / weight, "cop_measured_fl": stance.measured_cop[:, 0] / length,
-                "cop_model_fl": stance.model_cop[:, 0] / length})
+        curves=TrialCurves(
+            time_s=comparison.time_s, model_bw=comparison.model / weight, measured_bw=comparison.measured / weight,
+            cop_measured_fl=stance.measured_cop[:, 0] / length, cop_model_fl=stance.model_cop[:, 0] / length))
 
 
 def _left_out(solution: ContactFitSolution, tell: Callable[[str, float], None]) -> tuple[LeftOut, ...]:
@@ -160,27 +182,28 @@ def _left_out(solution: ContactFitSolution, tell: Callable[[str, float], None]) 
     settings: dict[float, tuple[str, ...]] = {}
     for trial, label in sorted(zip(fit.trials, fit.labels, strict=True), key=lambda pair: pair[0].fulcrum_m):
         settings[trial.fulcrum_m] = (*settings.get(trial.fulcrum_m, ()), label)
-    groups = [("trial", (label,)) for label in fit.labels]
+    groups: list[tuple[str, tuple[str, ...]]] = [("trial", (label,)) for label in fit.labels]
     groups += [("stiffness", labels) for labels in settings.values() if len(settings) > 1]
-    known: dict[tuple[str, ...], dict[str, Any] | None] = {}
-    for i, (_, labels) in enumerate(groups):
+    rows: dict[tuple[str, ...], LeftOut | None] = {}
+    for i, (kind, labels) in enumerate(groups):
         tell(f"fitting without {', '.join(labels)}", i / len(groups))
-        if labels not in known:
-            known[labels] = _without(solution, labels)
-    return tuple(LeftOut(kind=kind, left_out=labels, **row) for kind, labels in groups if (row := known[labels]))
+        if labels not in rows:
+            rows[labels] = _without(solution, kind, labels)
+    return tuple(replace(row, kind=kind) for kind, labels in groups if (row := rows[labels]))
 
 
-def _without(solution: ContactFitSolution, labels: tuple[str, ...]) -> dict[str, Any] | None:
+def _without(solution: ContactFitSolution, kind: str, labels: tuple[str, ...]) -> LeftOut | None:
     """What is known of a fit without these trials; None where a strategy makes none."""
     try:
         fewer = solution.refitted_without(labels)
         if fewer is None:
             return None
-        scored = [_trial_score(fewer, trial, None, label, [], False, None).metrics
-                  for trial, label in zip(solution.fit.trials, solution.fit.labels, strict=True) if label in labels]
+        metrics = [_trial_score(fewer, trial, None, label, [], False, None).metrics
+                   for trial, label in zip(solution.fit.trials, solution.fit.labels, strict=True) if label in labels]
     except (FitError, SimulationError) as error:
-        return {"grf_rmse_bw": None, "cop_rmse_fl": None, "failed": str(error)}
-    return {key: _mean(getattr(m, key) for m in scored) for key in ("grf_rmse_bw", "cop_rmse_fl")}
+        return LeftOut(kind=kind, left_out=labels, grf_rmse_bw=None, cop_rmse_fl=None, failed=str(error))
+    return LeftOut(kind=kind, left_out=labels, grf_rmse_bw=_mean(m.grf_rmse_bw for m in metrics),
+                   cop_rmse_fl=_mean(m.cop_rmse_fl for m in metrics))
 
 
 def _mean(values: Iterable[float | None]) -> float | None:
@@ -188,8 +211,8 @@ def _mean(values: Iterable[float | None]) -> float | None:
     return float(np.mean(known)) if known else None
 
 
-def bench_score(solution: ContactFitSolution) -> dict[str, Any] | None:
-    """The fitted foot on the bench, see `bench_row`; None where the fit has none."""
+def bench_score(solution: ContactFitSolution) -> BenchRow | None:
+    """The fitted foot on the bench; None where the fit has none."""
     bench = solution.fit.bench
     if bench is None:
         return None
@@ -199,45 +222,29 @@ def bench_score(solution: ContactFitSolution) -> dict[str, Any] | None:
 
 def bench_row(
     bench: BenchMeasurement, stiffness_n_per_m: np.ndarray | None = None, displacement_m: np.ndarray | None = None
-) -> dict[str, Any]:
-    """Measurement and, where it is known, model on the bench, in N/mm and mm; `mid_range` only where it was measured.
-
-    The heel stands apart and is not in the root mean square; what is not known is None.
-
-    Args:
-        stiffness_n_per_m, displacement_m: of the model, the heel last if it was measured.
-    """
-    def beside(
-        unit: str, factor: float, measured: Sequence[float], heel: float | None, sd: float, model: np.ndarray | None
-    ) -> dict[str, Any]:
-        forefoot = [factor * x for x in measured]
-        found: dict[str, Any] = {
-            f"uncertainty_{unit}": factor * sd, f"measured_{unit}": forefoot, f"model_{unit}": None,
-            f"heel_measured_{unit}": None if heel is None else factor * heel, f"heel_model_{unit}": None,
-            f"rmse_{unit}": None}
-        if model is not None:
-            of_forefoot, of_heel = np.split(factor * model, [len(measured)])
-            found |= {f"model_{unit}": of_forefoot.tolist(), f"rmse_{unit}": rmse(of_forefoot, np.array(forefoot)),
-                      f"heel_model_{unit}": None if heel is None else float(of_heel[0])}
-        return found
-
-    row = {"name": bench.name, "synthetic": bench.synthetic, "max_load_n": bench.max_load_n,
-           "fulcrum_mm": [1e3 * x for x in bench.fulcrum_m],
-           **beside("n_per_mm", 1e-3, bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m, bench.uncertainty_n_per_m,
-                    stiffness_n_per_m)}
+) -> BenchRow:
+    """The measurement beside the model's stiffness and displacement, where they are given, the heel last if it was
+    measured."""
+    mid_range = None
     if bench.mid_range_m is not None and bench.mid_range_uncertainty_m is not None:
-        row["mid_range"] = {"published_rmse_mm": PAPER_MID_RANGE_MM, **beside(
-            "mm", 1e3, bench.mid_range_m, bench.heel_mid_range_m, bench.mid_range_uncertainty_m, displacement_m)}
-    return row
+        mid_range = _beside(1e3, bench.mid_range_uncertainty_m, bench.mid_range_m, bench.heel_mid_range_m,
+                            displacement_m)
+    return BenchRow(
+        name=bench.name, synthetic=bench.synthetic, max_load_n=bench.max_load_n,
+        fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m), mid_range=mid_range,
+        stiffness=_beside(1e-3, bench.uncertainty_n_per_m, bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m,
+                          stiffness_n_per_m))
 
 
-# A trial's error with the fulcrum moved over its carriage: where it is least, and whether the fulcrum stood there.
-
-
-def sweep_positions(trial: Trial, count: int = SWEEP_POSITIONS) -> np.ndarray:
-    """(count,) m from A, evenly over the carriage of the trial's foot, both ends included."""
-    reach = trial.model.foot.fulcrum
-    return np.linspace(reach.rearmost_m, reach.foremost_m, count)
+def _beside(factor: float, sd: float, measured: Sequence[float], heel: float | None, model: np.ndarray | None
+            ) -> Beside:
+    forefoot = tuple(factor * x for x in measured)
+    shown = None if model is None else factor * model
+    return Beside(
+        uncertainty=factor * sd, measured=forefoot, heel_measured=None if heel is None else factor * heel,
+        model=None if shown is None else tuple(shown[:len(forefoot)].tolist()),
+        heel_model=None if shown is None or heel is None else float(shown[len(forefoot)]),
+        rmse=None if shown is None else rmse(shown[:len(forefoot)], np.array(forefoot)))
 
 
 def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None) -> FulcrumSweep:
@@ -255,24 +262,6 @@ def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None)
         return swept(positions, [*pool.map(error, positions)], true_m=trial.fulcrum_m)
 
 
-def swept(positions: np.ndarray, errors: Sequence[float], *, true_m: float) -> FulcrumSweep:
-    """What the errors (BW; NaN where the walk failed) at these positions (m) say of where the fulcrum stood.
-
-    They are lowest between positions, too: their squares are nearly a parabola there.
-    """
-    best = np.nan
-    if not np.isnan(errors).all():
-        i = int(np.nanargmin(errors))
-        best, beside = positions[i], np.square(errors[max(i - 1, 0) : i + 2])
-        if len(beside) == 3 and not np.isnan(beside).any():
-            a, b, c = beside
-            best += 0.5 * (a - c) / (a - 2.0 * b + c) * (positions[i + 1] - positions[i])
-    return FulcrumSweep(
-        fulcrum_mm=tuple((1e3 * positions).tolist()), grf_rmse_bw=tuple(map(float, errors)), true_mm=1e3 * true_m,
-        best_mm=1e3 * float(best), right=bool(abs(best - true_m) <= RIGHT_WITHIN_M),
-        at_end=bool(min(abs(true_m - positions[0]), abs(true_m - positions[-1])) < 1e-3))
-
-
 def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, ...]:
     """What to make of a fit that succeeded, in sentences with the numbers that they come from."""
     scores, rows = assessment.scores, assessment.left_out
@@ -284,24 +273,23 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
         if kind == "trial" or {row.left_out for row in own} != alone:
             left_out.append((kind, [row.grf_rmse_bw for row in own if row.grf_rmse_bw is not None],
                              [", ".join(row.left_out) for row in own if row.failed]))
+    errors = [(s, s.metrics.grf_rmse_bw) for s in held_out if s.metrics.grf_rmse_bw is not None]
+    nulls = [(s, s.metrics.null_model_grf_rmse_bw) for s in held_out if s.metrics.null_model_grf_rmse_bw is not None]
     return tuple(say(
         "fit_verdict", message=solution.message, fitted=assessment.mean(FITTED, "grf_rmse_bw"),
-        paper={"fitted": PUBLISHED["fitted_grf_rmse_bw"], "bench": PUBLISHED["bench_rmse_n_per_mm"],
+        paper={"fitted": PUBLISHED.fitted_grf_rmse_bw, "bench": PUBLISHED.bench_rmse_n_per_mm,
                "mid_range": PAPER_MID_RANGE_MM},
         one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
         held=assessment.mean(HELD_OUT, "grf_rmse_bw"),
-        worst=max(held_out, key=lambda s: s.metrics.grf_rmse_bw, default=None),
-        nulls=[s.metrics.null_model_grf_rmse_bw for s in held_out
-               if s.metrics.null_model_grf_rmse_bw is not None],
-        beaten=[s.label for s in held_out if s.metrics.null_model_grf_rmse_bw is not None
-                and s.metrics.grf_rmse_bw >= s.metrics.null_model_grf_rmse_bw],
-        below=[s.label for s in scores if s.floor_grf_rmse_bw is not None
+        worst=max(errors, key=lambda pair: pair[1], default=(None, 0.0))[0], nulls=[null for _, null in nulls],
+        beaten=[s.label for s, null in nulls if s.metrics.grf_rmse_bw is not None and s.metrics.grf_rmse_bw >= null],
+        below=[s.label for s in scores if s.floor_grf_rmse_bw is not None and s.metrics.grf_rmse_bw is not None
                and s.metrics.grf_rmse_bw < s.floor_grf_rmse_bw],
         left_out=left_out, swept=[s for s in scores if s.sweep is not None], bench=assessment.bench,
         joint=_own_worth(solution.end) if isinstance(solution.end, JointEnd) else None))
 
 
-def _own_worth(end: JointEnd) -> dict[str, Any]:
+def _own_worth(end: JointEnd) -> dict[str, object]:
     """What a joint fit knows of its own worth."""
     u, ratios, cost = end.uncertainty, end.noise_ratios(), end.searches[end.best].cost
     shared = [name for name in u.names if owner(name) is None]
@@ -311,152 +299,7 @@ def _own_worth(end: JointEnd) -> dict[str, Any]:
         "shared": len(shared), "known": sum(name not in u.unidentified for name in shared), "sure_share": SURE_SHARE,
         "weak": sum(s < 1.0 for s in u.singular_values), "at_bound": u.at_bound,
         "unidentified": [name for name in u.unidentified if not name.startswith(("curve.", "trial."))],
-        "pairs": [pair for pair in u.together if owner(pair[0]) is None and owner(pair[1]) is None],
+        "pairs": [pair for pair in u.together if all(owner(name) is None for name in pair.names)],
         "alike": sum(s.success for s in end.alike()), "alike_within": f"{ALIKE:g}", "searches": len(end.searches),
         "cost": cost, "lost": sum(not s.success for s in end.searches),
         "better": [s.cost for s in end.searches if not s.success and s.cost < cost - ALIKE]}
-
-
-# What `fit.json` and `fit.npz` hold of a fit, as plain values.
-
-
-_PHASES = np.linspace(0.0, 1.0, 201)
-_UNKNOWN = {"frozen": False, "at_bound": False, "standard_error": None, "interval_95": None, "share_of_prior": None,
-            "spread_over_starts": None, "value_in_prior_sd": None, "interval_in_prior_sd": None, "low": None,
-            "high": None, "prior_mean": None, "prior_scale": None, "prior": False, "logarithmic": False, "why": ""}
-"""Of a parameter of which only value and start are known."""
-
-
-def fit_table(
-    fit: ContactFit, solution: ContactFitSolution | None = None, assessment: Assessment | None = None, *,
-    failed: str = "", held_out: Sequence[Trial] = (), options: Mapping[str, Any] | None = None,
-    inputs: Mapping[str, str] | None = None
-) -> dict[str, Any]:
-    """The table of a fit; of one that failed without parameters and scores, with how it went as far as that is known.
-
-    Args:
-        solution: None where there is none yet.
-        assessment: of it, with `held_out`; None if it was not judged.
-        failed: why the fit failed, where the solution does not say so.
-        options: what else was asked for, as plain values.
-        inputs: SHA-256 of files that were read beside the trials', by name.
-    """
-    every, labels, asked = [*fit.trials, *held_out], labels_with(fit, held_out), to_plain(dict(options or {}))
-    hashes = {f"{name}: {file}": digest for trial, name in zip(every, labels, strict=True)
-              for file, digest in trial.inputs.items()}
-    subject, bench = fit.walker.subject, fit.bench
-    table: dict[str, Any] = {
-        "kind": "fit", "strategy": fit.options.strategy, "success": False, "message": failed, "verdict": [],
-        "left_out": [],
-        "trials": [_trial(trial, name, FITTED if i < len(fit.trials) else HELD_OUT)
-                   for i, (trial, name) in enumerate(zip(every, labels, strict=True))],
-        "synthetic": any(trial.synthetic for trial in every) or (bench is not None and bench.synthetic),
-        "subject": {"name": subject.name, "mass_kg": subject.mass_kg, "stature_m": subject.stature_m,
-                    "prosthetic_side": subject.prosthetic_side},
-        "bench": bench and bench_row(bench), "published": PUBLISHED, "parameters": [], "options": asked,
-        "searches": [], "best_search": None, "history": [], "series": [], "wall_s": None,
-        **provenance({**hashes, **(inputs or {})}, seed=asked.get("seed"))}
-    if solution is not None:
-        table |= {"message": failed or solution.message, "wall_s": solution.wall_s, "series": fit.options.series,
-                  "seed": fit.options.seed, **_way(solution)}
-        if isinstance(solution.end, JointEnd):
-            table["options"] = asked | to_plain(fit.options)
-    if solution is not None and solution.success and not failed:
-        table |= {"success": True, **(_joint(solution, solution.end) if isinstance(solution.end, JointEnd) else {
-            "parameters": [{"name": name, "unit": variable_unit(name), "value": value,
-                            "start": solution.end.initial_values.get(name), **_UNKNOWN}
-                           for name, value in solution.values.items()]})}
-        if assessment:
-            table |= {"verdict": verdict(solution, assessment), "bench": assessment.bench,
-                      "left_out": [asdict(row) for row in assessment.left_out],
-                      "trials": [row | _score(score)
-                                 for row, score in zip(table["trials"], assessment.scores, strict=True)]}
-    content: dict[str, Any] = plain(table)
-    return content
-
-
-def fit_curves(assessment: Assessment) -> dict[str, np.ndarray]:
-    """The arrays of `fit.npz`: `trial_I_NAME` with the number I of the trial in the table, see `TrialScore.curves`."""
-    return {f"trial_{i}_{name}": np.asarray(values) for i, score in enumerate(assessment.scores)
-            for name, values in score.curves.items()}
-
-
-def _way(solution: ContactFitSolution) -> dict[str, Any]:
-    """How the search went."""
-    if isinstance(solution.end, JointEnd):
-        return {"best_search": solution.end.best,
-                "searches": [{name: value for name, value in vars(s).items() if name not in ("start", "u")}
-                             for s in solution.end.searches]}
-    state = solution.end.state
-    return {"rms_n": state.rms_n(state.objective_n2), "initial_rms_n": state.rms_n(state.initial_objective_n2),
-            "objective_n2": state.objective_n2, "initial_objective_n2": state.initial_objective_n2,
-            "history": [{"iteration": number, "rms_n": state.rms_n(objective), "largest_change": change}
-                        for number, objective, change in state.history],
-            "simulations": state.simulations, "failed_simulations": state.failed_simulations}
-
-
-def _trial(trial: Trial, name: str, role: str) -> dict[str, Any]:
-    return {"label": name, "name": trial.name, "file": trial.path.name, "role": role, "synthetic": trial.synthetic,
-            "fulcrum_mm": round(1e3 * trial.fulcrum_m, 9), "window_s": [trial.start_s, trial.end_s],
-            "notes": list(trial.notes), "metrics": None, "null_model_grf_rmse_bw": None, "floor_grf_rmse_bw": None,
-            "stance_error_s": None, "sweep": None}
-
-
-def _score(score: TrialScore) -> dict[str, Any]:
-    metrics = dict(vars(score.metrics))
-    model, measured = metrics["stance_model_s"], metrics["stance_measured_s"]
-    return {"metrics": metrics, "floor_grf_rmse_bw": score.floor_grf_rmse_bw,
-            "null_model_grf_rmse_bw": metrics.pop("null_model_grf_rmse_bw"),
-            "stance_error_s": None if model is None or measured is None else model - measured,
-            "sweep": score.sweep and asdict(score.sweep)}
-
-
-def _joint(solution: ContactFitSolution, end: JointEnd) -> dict[str, Any]:
-    """What the joint fit knows besides: parameters with their errors, and what its data tell.
-
-    `value_in_prior_sd` and `interval_in_prior_sd` are the value and its interval in the search's coordinate.
-    `spread_over_starts`, the largest difference among searches that fit alike, is None unless there are several.
-    """
-    known, values, alike = end.uncertainty, solution.values, end.alike()
-    found = [solution.fit.parameters.values(s.u) for s in alike]
-    rows = []
-    for item in solution.fit.parameters.items:
-        own = vars(item) | {"value": values[item.name], "prior_mean": item.mean, "prior_scale": item.scale}
-        row = _UNKNOWN | {name: value for name, value in own.items() if name not in ("mean", "scale")}
-        if not item.frozen:
-            i = known.names.index(item.name)
-            low, high = map(float, known.interval[i])
-            row |= {
-                "standard_error": known.standard_error[i], "interval_95": [low, high],
-                "share_of_prior": known.share_of_prior[i], "at_bound": item.name in known.at_bound,
-                "spread_over_starts": float(np.ptp([v[item.name] for v in found])) if len(alike) > 1 else None,
-                "value_in_prior_sd": item.to_u(values[item.name]),
-                "interval_in_prior_sd": [item.to_u(low), item.to_u(high)]}
-        rows.append(row)
-    return {
-        "parameters": rows, "curves": curve_rows(values),
-        "correlations": {"names": known.names, "matrix": known.correlation},
-        "singular_values": known.singular_values,
-        "weakest": [{"singular_value": value, "made_of": [{"name": name, "share": share} for name, share in
-                                                          made_of.items()]} for value, made_of in known.weakest],
-        "unidentified": known.unidentified, "unidentified_above_share": SURE_SHARE,
-        "together": [{"names": [a, b], "correlation": c} for a, b, c in known.together], "together_above": CLOSE,
-        "at_bound": known.at_bound,
-        "noise": {"assumed": asdict(solution.fit.joint.noise),
-                  "ratios": [{"trial": term.trial, "series": term.name, "ratio": ratio}
-                             for term, ratio in end.noise_ratios()]}}
-
-
-def curve_rows(values: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Of every joint angle with a smooth error over the gait cycle: the largest value of that curve, and where."""
-    coefficients: dict[str, list[float]] = {}
-    for name, value in values.items():
-        if name.startswith("curve."):
-            coefficients.setdefault(name.split(".")[1], []).append(value)
-    rows = []
-    for coordinate, c in coefficients.items():
-        curve = np.degrees(periodic_bsplines(len(c))(_PHASES) @ np.array(c))
-        i = int(np.argmax(np.abs(curve)))
-        rows.append({"coordinate": coordinate, "largest_deg": float(curve[i]),
-                     "at_percent_of_cycle": float(100.0 * _PHASES[i])})
-    return rows

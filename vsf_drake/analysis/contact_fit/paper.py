@@ -198,7 +198,8 @@ def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
         rows = [c.within(stance.measured.start_s, stance.measured.end_s) for stance in c.stances]
         return sum(float(np.sum(c.model[own, 2] - c.measured[own, 2])) for own in rows)
 
-    began, stiffness, steps, failures = time.perf_counter(), SOFTEST_N_PER_MM, 0, []
+    began, stiffness, steps = time.perf_counter(), SOFTEST_N_PER_MM, 0
+    failures: list[SimulationError] = []
     while stiffness <= STIFFEST_N_PER_MM:
         space = paper_space(fit.walker.variables, stiffness, options)
         values, steps = space.values(space.start), steps + 1

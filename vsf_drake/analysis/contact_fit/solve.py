@@ -84,20 +84,19 @@ def prior_samples(parameters: FitParameters, count: int, seed: list[int]) -> np.
     low, high = parameters.bounds
     sampler = qmc.LatinHypercube(len(parameters), rng=np.random.default_rng(seed))
     below, above = norm.cdf(low), norm.cdf(high)
-    u: np.ndarray = norm.ppf(below + sampler.random(count) * (above - below))
-    return np.clip(u, low, high)
+    return np.asarray(np.clip(norm.ppf(below + sampler.random(count) * (above - below)), low, high))
 
 
 def _start(fit: ContactFit, i: int) -> np.ndarray:
     if i == 0:
         return fit.parameters.start
-    samples, costs = prior_samples(fit.parameters, fit.joint.screened, [fit.joint.seed, i]), []
-    for u in samples:
+    def cost(u: np.ndarray) -> float:
         try:
-            costs.append(fit.evaluate(u, derivatives=False).cost)
+            return fit.evaluate(u, derivatives=False).cost
         except SimulationError:
-            costs.append(np.inf)
-    return samples[int(np.argmin(costs))]
+            return np.inf
+
+    return min(prior_samples(fit.parameters, fit.joint.screened, [fit.joint.seed, i]), key=cost)
 
 
 def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None) -> Search:
@@ -228,15 +227,33 @@ NORMAL_95 = 1.959964
 """97.5 % quantile of the normal distribution."""
 
 
-@dataclass(frozen=True, eq=False)
-class Uncertainty:
-    """Of P free parameters, in their order.
+@dataclass(frozen=True)
+class Part:
+    """A parameter's share in a direction."""
 
-    Attributes:
-        weakest: for each direction that the data tell less of than the prior: its singular value and, by name, the
-            parameters that it is made of.
-        together: pairs of names with a correlation above CLOSE, and that correlation.
-    """
+    name: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction that the data tell less of than the prior, and the parameters that it is made of."""
+
+    singular_value: float
+    made_of: tuple[Part, ...]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two parameters with a correlation above CLOSE."""
+
+    names: tuple[str, str]
+    correlation: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Uncertainty:
+    """Of P free parameters, in their order."""
 
     names: tuple[str, ...]
     standard_error: np.ndarray  # (P,) in the parameter's unit; of a logarithmic one its value times the relative error
@@ -244,10 +261,12 @@ class Uncertainty:
     share_of_prior: np.ndarray  # (P,) standard error over that of the prior
     correlation: np.ndarray  # (P, P)
     singular_values: np.ndarray  # (P,) of the data's Jacobian by u, falling
-    weakest: tuple[tuple[float, dict[str, float]], ...]
+    weakest: tuple[Direction, ...]
     at_bound: tuple[str, ...]  # errors of these are not to be trusted
-    unidentified: tuple[str, ...]  # share of the prior above SURE_SHARE
-    together: tuple[tuple[str, str, float], ...]
+    unidentified: tuple[str, ...]  # share of the prior above `unidentified_above_share`
+    unidentified_above_share: float = SURE_SHARE
+    together: tuple[Pair, ...]
+    together_above: float = CLOSE
 
 
 def uncertainty(parameters: FitParameters, u: np.ndarray, terms: Sequence[Term], noise: FitNoise) -> Uncertainty:
@@ -280,14 +299,15 @@ def uncertainty(parameters: FitParameters, u: np.ndarray, terms: Sequence[Term],
     ends = [[item.low, item.high] if np.isinf(s) else
             [item.from_u(float(x - NORMAL_95 * s)), item.from_u(float(x + NORMAL_95 * s))]
             for item, x, s in zip(parameters.free, u, sd, strict=True)]
-    pairs = [(names[i], names[j], float(correlation[i, j])) for i, j in zip(*np.triu_indices(count, 1), strict=True)
-             if abs(correlation[i, j]) > CLOSE]
+    pairs = [Pair((names[i], names[j]), float(correlation[i, j]))
+             for i, j in zip(*np.triu_indices(count, 1), strict=True) if abs(correlation[i, j]) > CLOSE]
     return Uncertainty(
         names=names, standard_error=sd * parameters.slopes(u), interval=np.array(ends), share_of_prior=sd,
         correlation=correlation, singular_values=singular,
-        weakest=tuple((float(s), {names[i]: float(row[i]) for i in np.argsort(-np.abs(row)) if abs(row[i]) > _TOLD})
+        weakest=tuple(Direction(float(s), tuple(Part(names[i], float(row[i])) for i in np.argsort(-np.abs(row))
+                                                if abs(row[i]) > _TOLD))
                       for s, row in zip(singular, rows, strict=True) if s < 1.0),
         at_bound=tuple(name for name, x, low, high in zip(names, u, *parameters.bounds, strict=True)
                        if min(x - low, high - x) < 1e-3 * (high - low)),
         unidentified=tuple(name for name, s in zip(names, sd, strict=True) if s > SURE_SHARE),
-        together=tuple(sorted(pairs, key=lambda pair: -abs(pair[2]))))
+        together=tuple(sorted(pairs, key=lambda pair: -abs(pair.correlation))))

@@ -23,13 +23,7 @@ from vsf_drake.analysis.comparison import (
     rmse,
     uniform_grid,
 )
-from vsf_drake.analysis.contact_fit.assessment import (
-    SWEEP_POSITIONS,
-    SWEEP_STEP_S,
-    FulcrumSweep,
-    sweep_positions,
-    swept,
-)
+from vsf_drake.analysis.fulcrum_sweep import SWEEP_POSITIONS, SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
 from vsf_drake.analysis.sweep_table import scores
 from vsf_drake.analysis.validation.study import (
     FITTED,

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vsf_drake.report.fit_figures import fit_sweep_figure
+from vsf_drake.files import record
+from vsf_drake.report.fit_figures import TrialSweep, fit_sweep_figure
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import MEASURED, NEUTRAL, SIMULATED, Arrays, Row, colour_of, drawing, label, say_synthetic
 
@@ -57,7 +58,8 @@ def walking_chapter(table: Row, arrays: Arrays) -> Chapter:
         figures["walking_differences"] = _difference_figure(table, arrays)
     any_sweep = any(error is not None for row in rows if row["sweep"] for error in row["sweep"]["grf_rmse_bw"])
     if any_sweep:
-        figures["walking_sweep"] = fit_sweep_figure({"trials": [row for row in rows if row["sweep"]]})
+        figures["walking_sweep"] = fit_sweep_figure([
+            record(TrialSweep, row, where="rows") for row in rows if row["sweep"]])
     facts = {
         "names": _NAMES, "pointwise": table["difference_method"] == _POINTWISE, "drawn_differences": drawn,
         "over_all": [d for d in table["differences"] if d["group"] == group], "ensembles": ensembles,

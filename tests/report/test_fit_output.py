@@ -1,0 +1,160 @@
+"""What a contact fit leaves: a page with the verdict first, on which texts are only text; files of one fit alone."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+from made_contact import made_contact
+from made_fit import BENCH, METRICS, failed_fit, made_fit, made_trial, paper_fit
+from matplotlib.figure import Figure
+from page_reader import Balanced
+
+from vsf_drake.analysis.contact_fit.assessment import Beside
+from vsf_drake.analysis.contact_fit.table import CurveRow, fit_arrays
+from vsf_drake.cli.fit import print_fit
+from vsf_drake.errors import InputError
+from vsf_drake.report import fit_output
+from vsf_drake.report.fit_output import FIT, HEADINGS, clear_fit, fit_page, smooth_errors, trial_cells, write_fit
+from vsf_drake.simulation.archive import RECORD_FILE
+
+SMALL = made_fit(trials=(made_trial(sweep=None),), bench=None, parameters=(), searches=(), uncertainty=None)
+"""A fit with two figures."""
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    out = tmp_path_factory.mktemp("fit") / "out"
+    write_fit(made_fit(), out, contact=made_contact())
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(written):
+    return (written / "report.html").read_text(encoding="utf-8")
+
+
+def test_page_is_whole_html_that_loads_nothing_with_the_verdict_before_any_number(page):
+    reader = Balanced()
+    reader.feed(page)
+    assert reader.open == []
+    for tag, attributes in reader.seen:
+        assert tag not in ("script", "link", "iframe")
+        assert attributes.get("src", "data:image/svg+xml;base64,").startswith("data:image/svg+xml;base64,")
+    assert "http" not in re.sub(r"base64,[^\"]*", "", page)
+    assert sum(tag == "img" for tag, _ in reader.seen) == 10
+    assert re.findall(r"<h2>(.*?)</h2>", page)[:2] == ["Verdict", "Trials"]
+    assert "<li>Not &lt;so&gt; sure &amp; so on.</li>" in page and "&lt;b&gt;odd&lt;/b&gt; $x_$ ü" in page
+
+
+def test_every_trial_stands_there_with_all_its_numbers_and_what_is_there_is_explained(page):
+    text = re.sub(r"<[^>]*>", "|", page)
+    for trial in made_fit().trials[:2]:
+        assert "||".join(trial_cells(trial)) in text and len(HEADINGS) == len(trial_cells(trial))
+    explained = ("The null model is", "The floor is", "The sweep moves")
+    assert all(words in page for words in (*explained, "right of its diamond"))
+    bare = made_trial(metrics=replace(METRICS, null_model_grf_rmse_bw=None), floor_grf_rmse_bw=None, sweep=None)
+    alone = fit_page(made_fit(trials=(bare,)), {})
+    assert "Stance error is" in alone and not any(words in alone for words in explained)
+
+
+def test_what_was_left_out_stands_nowhere_and_the_seed_once():
+    flat = CurveRow(coordinate="hip_flexion_r", largest_deg=0.0, at_percent_of_cycle=0.0)
+    assert smooth_errors(made_fit(curves=(flat,))) == ""
+    assert "hip_flexion_r" not in smooth_errors(made_fit(curves=(flat, *made_fit().curves)))
+    for options in ({"starts": 3}, {"starts": 3, "seed": 0}):
+        assert fit_page(made_fit(options=options), {}).count(">seed<") == 1
+    assert "No bench was given" in fit_page(failed_fit(bench=None), {})
+
+
+def test_a_failed_fit_says_so_in_its_first_line_and_shows_no_number_as_a_result():
+    page = fit_page(failed_fit(), {})
+    body = page.split("<body>")[1].strip()
+    assert re.sub(r"<[^>]*>", "", body.splitlines()[0]).startswith("FAILED: contact fit")
+    assert "<title>FAILED" in page and "no &lt;search&gt; converged" in page
+    assert "No contact file was written" in page and "<h2>Parameters</h2>" not in page
+    Balanced().feed(page)
+
+
+def test_a_fit_by_the_papers_procedure_tells_its_search_and_no_intervals():
+    page = fit_page(paper_fit(), {})
+    assert "by the paper&#39;s procedure" in page and "120.0 N" in page and "304 walks" in page
+    assert "33.3 N" in page and "95 % interval" not in page
+
+
+def test_synthetic_data_are_named_in_title_and_text():
+    table = made_fit(synthetic=True, trials=(made_trial(synthetic=True),), bench=replace(BENCH, synthetic=True))
+    page = fit_page(table, {})
+    assert "(SYNTHETIC)</title>" in page and "SYNTHETIC, not recorded: soft, the bench." in page
+
+
+def test_mid_range_displacement_is_told_where_it_was_measured_and_nowhere_else(capsys):
+    quantity = Beside(uncertainty=0.5, measured=(31.0, 9.5), model=(31.25, 9.0), heel_measured=5.0, heel_model=7.0,
+                      rmse=0.3953)
+    table = made_fit(bench=replace(BENCH, mid_range=quantity))
+    page = fit_page(table, {})
+    for words in ("Mid-range displacement (mm)", "at 300 N", "0.40 mm off", "paper's model 0.45 mm", "+0.25", "+2.00"):
+        assert words in page
+    print_fit(table)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Mid-range displacement, mm, fitted (measured): 31.25 (31.00), 9.00 (9.50), heel 7.00" in said
+    print_fit(made_fit())
+    shown = capsys.readouterr().out + fit_page(made_fit(), {}) + fit_page(failed_fit(), {})
+    assert "Mid-range" not in shown
+
+
+def test_table_and_curves_are_read_back_and_refused_where_they_do_not_belong_together(written, tmp_path):
+    table, arrays = FIT.read(written)
+    assert table["files"] == sorted(path.name for path in written.glob("[!.]*"))
+    assert table["searches"][1]["cost"] is None and table["trials"][0]["sweep"]["grf_rmse_bw"][-1] is None
+    expected = fit_arrays(made_fit())
+    assert set(arrays) == set(expected) and all((arrays[name] == expected[name])[0].all() for name in expected
+                                                if "cop_model" not in name)
+    write_fit(SMALL, tmp_path)
+    (tmp_path / "fit.npz").write_bytes(b"other")
+    with pytest.raises(InputError, match="SHA-256"):
+        FIT.read(tmp_path)
+    with pytest.raises(InputError, match="no such file"):
+        FIT.read(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("recorded", [True, False], ids=["", "of an earlier version"])
+def test_a_later_fit_leaves_nothing_of_an_earlier_one_and_all_of_others(tmp_path, monkeypatch, recorded):
+    monkeypatch.setattr(fit_output, "fit_figures", lambda table: {
+        "trial_1_soft" if table.success else "searches": Figure()})
+
+    def left():
+        return {path.name for path in tmp_path.glob("[!.]*")}
+
+    def forget():
+        if not recorded:
+            (tmp_path / RECORD_FILE).unlink()
+
+    write_fit(SMALL, tmp_path, contact=made_contact())
+    assert {"trial_1_soft.png", "trial_1_soft.svg", "fit.npz", "contact.yaml"} < left()
+    (tmp_path / "notes.txt").write_text("mine")
+    forget()
+    write_fit(failed_fit(), tmp_path)
+    assert left() == {"notes.txt", "fit.json", "report.html", "searches.png", "searches.svg"}
+    write_fit(SMALL, tmp_path, contact=made_contact())
+    forget()
+    clear_fit(tmp_path)
+    assert left() == {"notes.txt"}
+
+
+def test_a_table_cannot_make_the_next_fit_remove_files_of_others(tmp_path):
+    out, other = tmp_path / "out", tmp_path / "other.yaml"
+    out.mkdir()
+    other.write_text("mine")
+    (out / "notes.txt").write_text("mine")
+    (out / "fit.json").write_text(json.dumps({"kind": "fit", "files": ["../other.yaml", "notes.txt", 3]}))
+    clear_fit(out)
+    assert other.exists() and (out / "notes.txt").exists()
+
+
+def test_a_failed_fit_takes_no_contact(tmp_path):
+    with pytest.raises(ValueError, match="no contact"):
+        write_fit(failed_fit(), tmp_path / "out", contact=made_contact())
+    assert not (tmp_path / "out").exists()
