@@ -1,25 +1,45 @@
-"""A URDF leg with the foot under it: the whole diagram under AutoDiffXd against central differences."""
+"""Wired feet: derivatives of a URDF leg by everything; beside each other, beside other forces, again and again each
+behaves as one alone and leaves nothing behind; what Drake leaves out of copies."""
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
-from made_feet import EVERY_BRANCH
-from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder
+import gc
+import weakref
+from dataclasses import replace
 
+import numpy as np
+import psutil
+import pytest
+from made_feet import EVERY_BRANCH, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.math import SpatialForce, SpatialVelocity
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
+from pydrake.symbolic import Expression, MakeVectorContinuousVariable, Polynomial
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource, FirstOrderLowPassFilter
+
+from vsf_drake.errors import InputError
 from vsf_drake.files import resource
-from vsf_drake.ground import Ground, GroundPatch
-from vsf_drake.parameters import FootParameters, FrictionParameters
-from vsf_drake.plants import add_foot, wire_foot
-from vsf_drake.plants.foot import sole_height
-from vsf_drake.plants.foot_wiring import add_rigid_foot
+from vsf_drake.ground import Ground, GroundPatch, ground_arrays
+from vsf_drake.plants import (
+    add_foot,
+    add_ground_geometry,
+    mirrored,
+    share_generalized_forces,
+    share_spatial_forces,
+    to_symbolic,
+    wire_foot,
+)
+from vsf_drake.plants.bench import make_bench
+from vsf_drake.plants.foot import mount_pose, sole_height
+from vsf_drake.plants.foot_handles import FootHandles
+from vsf_drake.systems import GaitDriver, KeelElasticity
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
-FOOT = FootParameters()
 UNEVEN = Ground(patches=(
     GroundPatch(slope_deg=2.0, bank_deg=-1.0),
     GroundPatch(name="mat", from_x_m=0.1, height_m=2e-3, stiffness_n_per_m=3e4, mu_static=0.9, mu_kinetic=0.8)))
@@ -32,7 +52,7 @@ class Leg:
         builder = DiagramBuilder()
         self.plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
         Parser(self.plant).AddModels(str(resource("models/leg.urdf")))
-        self.foot = add_foot(self.plant, self.plant.GetFrameByName("pylon_end"), FOOT, contact=contact)
+        self.foot = add_foot(self.plant, self.plant.GetFrameByName("pylon_end"), PARAMETERS, contact=contact)
         self.plant.Finalize()
         self.wired = wire_foot(builder, self.plant, self.foot, ground=ground)
         builder.ExportInput(self.wired.fulcrum_position, "fulcrum_position")
@@ -49,7 +69,7 @@ class Leg:
         self.plant.SetPositions(own, self.foot.instance, np.append(np.zeros(9), 0.108))
         hip = self.plant.GetBodyByName("hip")
         X_WK = self.foot.frame.EvalPoseInWorld(own)
-        X_WH = RigidTransform([0.0, 0.0, -X_WK.translation()[2] - sole_height(FOOT) - depth])
+        X_WH = RigidTransform([0.0, 0.0, -X_WK.translation()[2] - sole_height(PARAMETERS) - depth])
         self.plant.SetFreeBodyPose(own, hip, X_WH)
         state = self.plant.GetPositionsAndVelocities(own)
         if seed is not None:
@@ -81,10 +101,10 @@ def leg(request):
     return Leg(request.param, UNEVEN)
 
 
-def assert_columns_agree(found, expected, rtol):
+def assert_columns_agree(actual, expected, rtol):
     """Each column against its own size: one of the keel is a million times one of the hip."""
     size = np.abs(expected).max(axis=0)
-    np.testing.assert_allclose(found / np.maximum(size, 1e-9), expected / np.maximum(size, 1e-9), atol=rtol)
+    np.testing.assert_allclose(actual / np.maximum(size, 1e-9), expected / np.maximum(size, 1e-9), atol=rtol)
 
 
 def central(function, step) -> np.ndarray:
@@ -117,12 +137,12 @@ def test_derivatives_by_the_fulcrum_position_as_input_and_as_parameter(leg):
     context = leg.converted_context(state)
     converted = leg.converted.GetSubsystemByName("vsf_forces")
     converted.SetParameters(converted.GetMyMutableContextFromRoot(context), fulcrum_m=AutoDiffXd(0.108, [1.0]))
-    found = ExtractGradient(leg.converted_acceleration(context))
-    assert_columns_agree(found, expected[:, None], 1e-5)
+    actual = ExtractGradient(leg.converted_acceleration(context))
+    assert_columns_agree(actual, expected[:, None], 1e-5)
     context = leg.converted_context(state)
     converted_port.FixValue(context, [AutoDiffXd(0.108, [1.0])])
-    np.testing.assert_allclose(ExtractGradient(leg.converted_acceleration(context)), found, rtol=1e-12,
-                               atol=1e-12 * np.abs(found).max())
+    np.testing.assert_allclose(ExtractGradient(leg.converted_acceleration(context)), actual, rtol=1e-12,
+                               atol=1e-12 * np.abs(actual).max())
     port.FixValue(leg.context, [0.12])
     moved = leg.acceleration(state)
     leg.context = leg.diagram.CreateDefaultContext()
@@ -139,31 +159,31 @@ def test_derivatives_by_every_parameter(leg):
     forces.SetParameters(sub, **EVERY_BRANCH)
     names = [name for name in forces.parameter_names if name != "ground_bounds"]
     values = {name: forces.GetParameter(sub, name) for name in names}
-    ways = {name: rng.uniform(0.5, 1.0, np.shape(value)) * (np.abs(value).max() or 1e-3)
+    directions = {name: rng.uniform(0.5, 1.0, np.shape(value)) * (np.abs(value).max() or 1e-3)
             for name, value in values.items()}
     # For central differences, off the bounds.
-    values = {name: value + 1e-4 * ways[name] for name, value in values.items()}
+    values = {name: value + 1e-4 * directions[name] for name, value in values.items()}
     forces.SetParameters(sub, **values)
     context = leg.converted_context(state)
     converted = leg.converted.GetSubsystemByName("vsf_forces")
     own = converted.GetMyMutableContextFromRoot(context)
     for i, name in enumerate(names):
         s = AutoDiffXd(0.0, np.eye(len(names))[i])
-        converted.SetParameters(own, **{name: values[name] + ways[name] * s})
-    found = ExtractGradient(leg.converted_acceleration(context))
+        converted.SetParameters(own, **{name: values[name] + directions[name] * s})
+    actual = ExtractGradient(leg.converted_acceleration(context))
 
     def along(name, s):
-        forces.SetParameters(sub, **{name: values[name] + s * ways[name]})
+        forces.SetParameters(sub, **{name: values[name] + s * directions[name]})
         return leg.acceleration(state)
 
-    expected = np.zeros_like(found)
+    expected = np.zeros_like(actual)
     for i, name in enumerate(names):
         expected[:, i] = central(lambda s, name=name: along(name, s), 1e-5)
         along(name, 0.0)
     unused = {"kelvin_voigt": {"dissipation", "depth_width", "rate_width"}, "smooth": {"dissipation"},
               "hunt_crossley": {"damping", "full_damping_depth", "depth_width", "rate_width"}}[leg.foot.contact]
     assert {name for i, name in enumerate(names) if not expected[:, i].any()} == unused
-    assert_columns_agree(found, expected, 1e-4)
+    assert_columns_agree(actual, expected, 1e-4)
 
 
 @pytest.mark.parametrize("contact", CONTACT_LAWS)
@@ -182,10 +202,253 @@ def test_derivatives_are_numbers_at_rest_at_touch_down_and_in_the_air(contact):
                 assert np.all(np.isfinite(ExtractGradient(value))), port.get_name()
 
 
-def test_a_rigid_foot_is_one_body():
+SEED = 5
+APART = np.array([0.0, 1.5, 0.0])
+NAMES = ("normal_force", "depth", "depth_rate", "friction_force", "grf", "free_moment", "support_force", "joint_moment")
+
+
+@pytest.fixture(scope="module")
+def alone() -> LooseFoot:
+    foot = loose_foot(base="quaternion")
+    foot.place(*some_state(SEED))
+    return foot
+
+
+def put(plant: MultibodyPlant, context: Context, body, foot: FootHandles, move: np.ndarray) -> None:
+    """The state of `alone`, moved."""
+    X_WK, V_WM, q, v = some_state(SEED)
+    plant.SetFreeBodyPose(context, body, RigidTransform(move) @ X_WK @ mount_pose(PARAMETERS))
+    plant.SetFreeBodySpatialVelocity(context, body, SpatialVelocity(V_WM))
+    plant.SetPositions(context, foot.instance, q)
+    plant.SetVelocities(context, foot.instance, v)
+
+
+def assert_alike(forces, context: Context, alone: LooseFoot, move: np.ndarray) -> None:
+    for name in NAMES:
+        np.testing.assert_allclose(forces.GetOutputPort(name).Eval(context), alone.output(name), rtol=1e-9, atol=1e-8,
+                                   err_msg=name)
+    np.testing.assert_allclose(forces.GetOutputPort("cop").Eval(context), alone.output("cop") + move, rtol=1e-9)
+
+
+def test_same_foot_twice_in_one_plant_is_one_alone_each_time(alone):
+    builder = DiagramBuilder()
+    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    bodies = [plant.AddRigidBody(f"shank_{i}", SpatialInertia.SolidBoxWithMass(3.0, 0.1, 0.1, 0.3)) for i in range(2)]
+    feet = [add_foot(plant, body.body_frame(), PARAMETERS, name=f"foot_{i}") for i, body in enumerate(bodies)]
+    plant.Finalize()
+    wired = [wire_foot(builder, plant, foot) for foot in feet]
+    diagram = builder.Build()
+    assert {system.get_name() for system in diagram.GetSystems()} == {
+        "plant", "foot_0_forces", "foot_1_forces", "applied_spatial_force_1", "applied_generalized_force_1"}
+    context = diagram.CreateDefaultContext()
+    own = plant.GetMyMutableContextFromRoot(context)
+    moves = (0.0 * APART, APART)
+    for body, foot, move in zip(bodies, feet, moves, strict=True):
+        put(plant, own, body, foot, move)
+    acceleration = plant.get_generalized_acceleration_output_port().Eval(own)
+    for foot, one, move in zip(feet, wired, moves, strict=True):
+        assert_alike(one.forces, one.forces.GetMyContextFromRoot(context), alone, move)
+        np.testing.assert_allclose(plant.GetVelocitiesFromArray(foot.instance, acceleration), alone.keel_rates(),
+                                   rtol=1e-7)
+    before = wired[1].GetOutputPort("grf").Eval(wired[1].forces.GetMyContextFromRoot(context)).copy()
+    wired[0].forces.SetParameters(wired[0].forces.GetMyMutableContextFromRoot(context), stiffness=1.0)
+    np.testing.assert_array_equal(
+        wired[1].GetOutputPort("grf").Eval(wired[1].forces.GetMyContextFromRoot(context)), before)
+
+
+def test_two_diagrams_in_one_diagram_are_one_alone_each_time(alone):
+    builder = DiagramBuilder()
+    parts = []
+    for name in ("first", "second"):
+        made = loose_foot(base="quaternion")
+        made.diagram.set_name(name)
+        builder.AddSystem(made.diagram)
+        parts.append(made)
+    context = builder.Build().CreateDefaultContext()
+    for made, move in zip(parts, (0.0 * APART, APART), strict=True):
+        own = made.plant.GetMyMutableContextFromRoot(context)
+        put(made.plant, own, made.shank, made.foot, move)
+    for made, move in zip(parts, (0.0 * APART, APART), strict=True):
+        assert_alike(made.wired.forces, made.wired.forces.GetMyContextFromRoot(context), alone, move)
+
+
+def test_mirrored_foot_in_the_mirrored_state_has_the_mirrored_forces():
+    """A foot whose heel stands to its left, and its mirror image: x-z is the mirror."""
+    heel = PARAMETERS.zones[0]
+    right = replace(PARAMETERS, side="right", zones=(
+        replace(heel, y_mm=tuple(y + 8.0 for y in heel.y_mm)), *PARAMETERS.zones[1:]))
+    feet = [loose_foot(parameters=parameters) for parameters in (right, mirrored(right))]
+    assert [foot.foot.side for foot in feet] == ["right", "left"]
+    X, V, q, v = some_state(SEED)
+    feet[0].place(X, V, q, v)
+    angles = RollPitchYaw(X.rotation()).vector() * [-1.0, 1.0, -1.0]
+    feet[1].place(RigidTransform(RollPitchYaw(angles), X.translation() * [1.0, -1.0, 1.0]),
+                  V * [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0], q, v)
+    for name in ("grf", "cop"):
+        np.testing.assert_allclose(feet[1].output(name), feet[0].output(name) * [1.0, -1.0, 1.0], rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(feet[1].output("free_moment"), -feet[0].output("free_moment"), rtol=1e-8, atol=1e-9)
+    for name in ("normal_force", "support_force"):
+        np.testing.assert_allclose(feet[1].output(name), feet[0].output(name), rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(feet[1].keel_rates(), feet[0].keel_rates(), rtol=1e-6)
+
+
+@pytest.mark.parametrize("order", ["before", "after", "both"])
+def test_foot_adds_to_what_acts_on_the_plant_already(alone, order):
+    """M times the difference of the accelerations is what the others exert, connected before or after the foot."""
     builder = DiagramBuilder()
     plant = builder.AddSystem(MultibodyPlant(0.0))
-    foot = add_foot(plant, plant.world_frame(), FootParameters())
+    shank = add_loose_shank(plant, "quaternion")
+    foot = add_foot(plant, shank.body_frame(), PARAMETERS)
     plant.Finalize()
-    with pytest.raises(ValueError, match="bodies, but must be on one"):
-        add_rigid_foot(builder, plant, foot.sites, FrictionParameters(), Ground(), name="rigid")
+    joints = np.linspace(1.0, 2.0, plant.num_velocities())
+    push = ExternallyAppliedSpatialForce()
+    push.body_index, push.p_BoBq_B, push.F_Bq_W = shank.index(), np.zeros(3), SpatialForce([1.0, 2, 3], [40.0, 50, 60])
+    ports = []
+    for _ in range(2):
+        ports.append((builder.AddSystem(ConstantValueSource(AbstractValue.Make([push]))).get_output_port(),
+                      builder.AddSystem(ConstantVectorSource(joints)).get_output_port()))
+    if order != "after":
+        builder.Connect(ports[0][0], plant.get_applied_spatial_force_input_port())
+        builder.Connect(ports[0][1], plant.get_applied_generalized_force_input_port())
+    wired = wire_foot(builder, plant, foot)
+    if order != "before":
+        share_spatial_forces(builder, plant, ports[1][0])
+        share_generalized_forces(builder, plant, ports[1][1])
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    own = plant.GetMyMutableContextFromRoot(context)
+    put(plant, own, shank, foot, 0.0 * APART)
+    assert_alike(wired.forces, wired.forces.GetMyContextFromRoot(context), alone, 0.0 * APART)
+    more = (plant.get_generalized_acceleration_output_port().Eval(own)
+            - alone.plant.get_generalized_acceleration_output_port().Eval(alone.plant_context))
+    expected = joints.copy()
+    start = shank.floating_velocities_start_in_v()
+    expected[start:start + 6] += push.F_Bq_W.get_coeffs()  # velocities of a free body are its spatial velocity in W
+    times = 2.0 if order == "both" else 1.0
+    np.testing.assert_allclose(plant.CalcMassMatrix(own) @ more, times * expected, rtol=1e-5, atol=1e-4)
+
+
+def build_once(converted: bool) -> list[weakref.ref]:
+    made = loose_foot(base="quaternion")
+    made.output("grf")
+    parts = [made.diagram, made.wired.forces, made.plant]
+    if converted:
+        general = made.diagram.ToAutoDiffXd()
+        general.CreateDefaultContext()
+        parts.append(general)
+    return [weakref.ref(x) for x in parts]
+
+
+def collect() -> None:
+    for _ in range(3):
+        gc.collect()
+
+
+@pytest.fixture
+def _quick_collection():
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("_quick_collection")
+def test_two_hundred_builds_leave_nothing_behind():
+    """Diagrams, systems and plants are gone, and 200 builds take less memory than 10 kept ones would (0.3 MB each)."""
+    for _ in range(20):
+        build_once(True)
+    collect()
+    before, seen = psutil.Process().memory_info().rss / 1e6, []
+    for i in range(200):
+        seen += build_once(i % 10 == 0)
+        if i % 20 == 19:
+            collect()
+    assert not [ref for ref in seen if ref() is not None]
+    assert psutil.Process().memory_info().rss / 1e6 - before < 3.0
+
+
+@pytest.mark.usefixtures("_quick_collection")
+def test_bench_is_freed_with_its_last_reference():
+    bench = make_bench(PARAMETERS)
+    bench.diagram.CreateDefaultContext()
+    seen = [weakref.ref(x) for x in (bench.diagram, bench.plant, bench.machine, bench.forces)]
+    del bench
+    collect()
+    assert [ref() for ref in seen] == [None] * 4
+
+
+def standing(contact: str, time_step_s: float):
+    """(diagram, plant) of a foot that is held 5 mm deep in the ground."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step_s)
+    mount = plant.AddFrame(FixedOffsetFrame("mount", plant.world_frame(), RigidTransform([0.0, 0.0, 0.082])))
+    foot = add_foot(plant, mount, PARAMETERS, contact=contact)
+    if contact == "drake_point":
+        add_ground_geometry(plant)
+    plant.Finalize()
+    wire_foot(builder, plant, foot)
+    return builder.Build(), plant
+
+
+@pytest.mark.parametrize(("contact", "time_step_s"), [("kelvin_voigt", 1e-4), ("drake_point", 1e-3)])
+def test_a_copy_whose_keel_would_have_no_springs_is_refused(contact, time_step_s):
+    diagram, plant = standing(contact, time_step_s)
+    for copy in (diagram.Clone, diagram.ToAutoDiffXd):
+        with pytest.raises(InputError, match=r"vsf_command: .*the keel's springs.*Build the diagram again"):
+            copy()
+    with pytest.raises(InputError):
+        to_symbolic(diagram)
+    # The reason; where this fails, Drake keeps the gains and the refusal can go.
+    actuator = plant.get_joint_actuator(plant.GetJointActuatorIndices()[0])
+    assert actuator.has_controller()
+    assert not plant.Clone().get_joint_actuator(actuator.index()).has_controller()
+
+
+@pytest.mark.parametrize("contact", ["kelvin_voigt", "drake_point"])
+def test_a_clone_of_a_continuous_diagram_goes_on_from_the_originals_context(contact):
+    """From its own default Context it would not: Drake's clone of a plant forgets where joints are by default."""
+    diagram, plant = standing(contact, 0.0)
+    context = diagram.CreateDefaultContext()
+    own = plant.GetMyMutableContextFromRoot(context)
+    plant.SetVelocities(own, np.linspace(-1.0, 1.0, plant.num_velocities()))
+    clone = diagram.Clone()
+    theirs = clone.CreateDefaultContext()
+    theirs.SetTimeStateAndParametersFrom(context)
+    np.testing.assert_array_equal(clone.EvalTimeDerivatives(theirs).CopyToVector(),
+                                  diagram.EvalTimeDerivatives(context).CopyToVector())
+
+
+def test_springs_and_servos_are_linear_in_symbols_and_what_has_no_symbolic_form_says_why():
+    """A diagram of both: coefficients of the state are what they were built with."""
+    builder = DiagramBuilder()
+    keel = builder.AddNamedSystem("keel", KeelElasticity(
+        num_velocities=2, velocity_indices=[0, 1], stiffness=[3.0, 5.0], damping=[0.125, 0.25]))
+    servo = builder.AddNamedSystem("servo", GaitDriver(
+        num_velocities=2, velocity_indices=[1], position_gain=7.0, velocity_gain=0.5))
+    builder.ExportInput(keel.GetInputPort("state"), "state")
+    builder.ConnectInput("state", servo.GetInputPort("state"))
+    builder.ExportInput(servo.GetInputPort("desired_state"), "desired")
+    for system in (keel, servo):
+        builder.ExportOutput(system.GetOutputPort("generalized_force"), system.get_name())
+    symbolic = to_symbolic(builder.Build())
+    context, x = symbolic.CreateDefaultContext(), MakeVectorContinuousVariable(4, "x")
+    symbolic.GetInputPort("state").FixValue(context, [Expression(v) for v in x])
+    symbolic.GetInputPort("desired").FixValue(context, [Expression(0.3), Expression(0.0)])
+    assert [str(f) for f in symbolic.GetOutputPort("keel").Eval(context)] == [
+        "( - 3 * x(0) - 0.125 * x(2))", "( - 5 * x(1) - 0.25 * x(3))"]
+    force = Polynomial(symbolic.GetOutputPort("servo").Eval(context)[1], x)
+    assert force.TotalDegree() == 1
+    assert force.Evaluate(dict(zip(x, [0.0, 0.1, 0.0, 2.0], strict=True))) == pytest.approx(7.0 * 0.2 - 0.5 * 2.0)
+    with pytest.raises(InputError, match=r"vsf_forces \(FootForces\): it chooses between branches.*ToAutoDiffXd"):
+        to_symbolic(loose_foot().diagram)
+    builder = DiagramBuilder()
+    builder.AddSystem(FirstOrderLowPassFilter(0.1))
+    assert len(to_symbolic(builder.Build()).GetSystems()) == 1
+
+
+def test_a_patch_whose_static_friction_is_less_than_the_feet_kinetic_one_is_as_slippery_for_a_sliding_foot():
+    patches = (GroundPatch(), GroundPatch(mu_static=0.1), GroundPatch(mu_static=0.9), GroundPatch(mu_kinetic=0.7),
+               GroundPatch(mu_static=0.117, mu_kinetic=0.336))
+    arrays = ground_arrays(Ground(patches=patches), mu_static=0.5, mu_kinetic=0.3)
+    np.testing.assert_array_equal(arrays["mu_static"], [0.5, 0.1, 0.9, 0.5, 0.117])
+    np.testing.assert_array_equal(arrays["mu_kinetic"], [0.3, 0.1, 0.3, 0.7, 0.336])
