@@ -1,4 +1,4 @@
-"""The energy ledger closes, term by term, and what is missing shrinks with the step."""
+"""The energy ledger closes: closed forms, the stepper's own loss, and works that are known."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ContactZone, FootParameters
-from vsf_drake.simulation.reactions import INPUTS, LOST, STORED, energy_ledger, total
+from vsf_drake.simulation.reactions import LOST, energy_ledger, total
 from vsf_drake.simulation.roll_over import RollOver, roll_over_mechanism
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 
@@ -123,38 +123,6 @@ def test_no_loss_ever_returns(ledger, name):
     assert np.diff(ledger(1e-3)[name], prepend=0.0).min() > -1e-6
 
 
-def test_every_loss_takes_part(ledger):
-    assert all(ledger(1e-3)[name][-1] > 0.01 for name in LOST)
-
-
-@pytest.mark.parametrize("name", [name for name in STORED if name.endswith("strain")])
-def test_springs_store_energy_in_stance_and_give_it_back(ledger, name):
-    strain = ledger(1e-3)[name]
-    assert strain.max() > 0.1
-    assert strain.min() > -0.02, "the socket alone is strained at the start, by the weight that hangs in it"
-    assert abs(strain[-1]) < 0.02
-
-
-def test_kinetic_energy_is_never_negative(stance, walker):
-    walk, plant = stance("right", 1e-3), walker("right").gait.plant
-    context = plant.CreateDefaultContext()
-    plant.SetPositionsAndVelocities(context, np.concatenate((walk.record.q0, walk.record.v0)))
-    start = plant.CalcKineticEnergy(context)
-    assert (ledger_of(walk, walker("right"))["kinetic"] + start).min() >= 0.0
-
-
-def test_gravity_works_by_the_height_of_the_centre_of_mass(ledger, stance, walker, body_weight):
-    walk, plant = stance("right", 1e-3), walker("right").gait.plant
-    context = plant.CreateDefaultContext()
-
-    def height(q):
-        plant.SetPositions(context, q)
-        return plant.CalcCenterOfMassPositionInWorld(context)[2]
-
-    fallen = height(walk.record.q0) - height(walk.record.q[-1])
-    assert ledger(1e-3)["gravity_work"][-1] == pytest.approx(body_weight * fallen, rel=1e-9)
-
-
 def test_a_person_driven_up_and_down_in_the_air_for_a_whole_period_takes_what_is_lost(walker, motion, body_weight):
     """With z_dd = A w^2 cos(w t): a load that accelerates and is paired with the rate of its step's end would be off by
     half a step of the integral of m z_dd^2, A^2 w^4 / 2 on the mean."""
@@ -184,11 +152,3 @@ def test_carriage_works_when_the_fulcrum_moves_under_load(walker, motion):
         gaps.append(gap(terms))
     assert gaps[1] < 0.02
     assert gaps[0] / gaps[1] == pytest.approx(2.0, abs=0.25)
-
-
-def test_carriage_at_rest_does_no_work(ledger):
-    assert np.all(ledger(1e-3)["carriage_work"] == 0.0)
-
-
-def test_ledger_holds_the_terms_it_names(ledger):
-    assert set(ledger(1e-3)) == {*INPUTS, *STORED, *LOST, "remainder"}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import errno
-import json
 import os
 import signal
 from pathlib import Path
@@ -15,10 +14,8 @@ import yaml
 from made_results import make_bench, make_walk
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import sha256
 from vsf_drake.simulation.archive import RECORD_FILE, check_target
 from vsf_drake.simulation.results import (
-    coordinate_unit,
     load_bench,
     load_walk,
     result_folder,
@@ -54,28 +51,6 @@ def test_bench_is_read_back_bit_for_bit(tmp_path):
         assert_same(first, second)
 
 
-def test_bench_tells_heel_from_forefoot():
-    bench = make_bench()
-    assert bench.heel.fulcrum_m is None
-    assert [s.fulcrum_m for s in bench.forefoot] == [0.066, 0.087, 0.108, 0.129, 0.151]
-
-
-def test_failed_walk_says_so_on_disk(tmp_path):
-    save_walk(make_walk(converged=False, unconverged_steps=7), tmp_path / "out")
-    assert "converged: false" in (tmp_path / "out" / "result.yaml").read_text()
-    again = load_walk(tmp_path / "out")
-    assert not again.converged
-    assert again.unconverged_steps == 7
-
-
-def test_failed_bench_says_so_on_disk(tmp_path):
-    bench = make_bench()
-    bad = dataclasses.replace(bench.settings[0], unconverged_steps=1)
-    save_bench(dataclasses.replace(bench, settings=(bad, *bench.settings[1:])), tmp_path / "out")
-    assert yaml.safe_load((tmp_path / "out" / "result.yaml").read_text())["converged"] is False
-    assert not load_bench(tmp_path / "out").converged
-
-
 def test_arrays_need_no_pickle_and_each_is_described(tmp_path):
     save_walk(make_walk(), tmp_path / "out")
     sidecar = yaml.safe_load((tmp_path / "out" / "result.yaml").read_text())
@@ -99,22 +74,6 @@ def test_same_result_gives_the_same_bytes(tmp_path):
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
 
 
-@pytest.mark.parametrize(("name", "unit"), [("pelvis_ty", "m"), ("socket_tz", "m"), ("fulcrum", "m"),
-                                            ("pelvis_tilt", "rad"), ("keel_pin", "rad"), ("socket_rotation", "rad")])
-def test_unit_follows_from_the_coordinate(name, unit):
-    assert coordinate_unit(name) == unit
-
-
-def test_array_of_wrong_shape_is_refused():
-    with pytest.raises(ValueError, match="cop_W has shape"):
-        make_walk(cop_W=np.zeros((3, 3)))
-
-
-def test_unknown_coordinate_is_named():
-    with pytest.raises(KeyError, match="no coordinate elbow"):
-        make_walk().column("elbow")
-
-
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_nothing_stays_after_a_failure(tmp_path, error):
     with pytest.raises(error), result_folder(tmp_path / "new" / "deep", "walk") as folder:
@@ -131,29 +90,6 @@ def test_failure_leaves_an_older_result_as_it_was(tmp_path):
         raise RuntimeError
     assert {f.name: f.read_bytes() for f in (tmp_path / "out").iterdir()} == before
     assert [f.name for f in tmp_path.iterdir()] == ["out"]
-
-
-def test_success_replaces_namesakes_and_keeps_other_files(tmp_path):
-    out = tmp_path / "out"
-    (out / "walk").mkdir(parents=True)
-    (out / "walk" / "old.txt").write_text("kept")
-    (out / "metrics.json").write_text("old")
-    with result_folder(out, "walk") as folder:
-        (folder / "metrics.json").write_text("new")
-        (folder / "walk").mkdir()
-        (folder / "walk" / "new.txt").write_text("new")
-    assert (out / "metrics.json").read_text() == "new"
-    assert sorted(f.name for f in (out / "walk").iterdir()) == ["new.txt", "old.txt"]
-    assert [f.name for f in tmp_path.iterdir()] == ["out"]
-
-
-def test_file_in_the_way_is_refused(tmp_path):
-    (tmp_path / "out").write_text("mine")
-    with pytest.raises(InputError, match="is a file"):
-        save_walk(make_walk(), tmp_path / "out")
-    with pytest.raises(InputError, match="cannot be written"):
-        save_walk(make_walk(), tmp_path / "out" / "deeper")
-    assert (tmp_path / "out").read_text() == "mine"
 
 
 def test_missing_damaged_or_foreign_results_are_refused(tmp_path):
@@ -176,16 +112,6 @@ def test_older_walk_that_knows_no_cut_steps_is_read_as_one_without(tmp_path):
     path = tmp_path / "result.yaml"
     path.write_text("".join(line for line in path.read_text().splitlines(True) if "refined_steps" not in line))
     assert load_walk(tmp_path).refined_steps == 0
-
-
-def test_older_bench_that_knows_no_cut_steps_is_read_as_one_without(tmp_path):
-    bench = make_bench()
-    cut = dataclasses.replace(bench, settings=tuple(dataclasses.replace(s, refined_steps=2) for s in bench.settings))
-    save_bench(cut, tmp_path)
-    assert [s.refined_steps for s in load_bench(tmp_path).settings] == [2] * len(bench.settings)
-    path = tmp_path / "result.yaml"
-    path.write_text("".join(line for line in path.read_text().splitlines(True) if "refined_steps" not in line))
-    assert [s.refined_steps for s in load_bench(tmp_path).settings] == [0] * len(bench.settings)
 
 
 def test_sidecar_without_a_key_is_refused_by_name(tmp_path):
@@ -234,22 +160,6 @@ def test_a_run_that_is_killed_while_its_files_come_leaves_none_of_the_earlier_on
     check_target(out, "walk")
     write(out, d="3")
     assert files(out) == {"d/figure.txt"}
-
-
-def test_a_record_that_leads_out_of_its_folder_removes_nothing(tmp_path):
-    (tmp_path / "thesis.txt").write_text("mine")
-    write(tmp_path / "out", a="1")
-    record = tmp_path / "out" / ".vsf_drake.json"
-    record.write_text(json.dumps({"walk": {"../thesis.txt": sha256(tmp_path / "thesis.txt")}}))
-    write(tmp_path / "out", b="1")
-    assert (tmp_path / "thesis.txt").exists()
-
-
-def test_a_folder_with_other_things_in_it_is_refused(tmp_path):
-    (tmp_path / "thesis.tex").write_text("mine")
-    with pytest.raises(InputError, match="other things than an earlier walk"):
-        check_target(tmp_path, "walk")
-    check_target(tmp_path / "new", "walk")
 
 
 def test_a_folder_on_another_disk_than_its_parent_is_filled(tmp_path, monkeypatch):

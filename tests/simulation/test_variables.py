@@ -1,8 +1,9 @@
-"""A variable does what changing the thing it names does; what has no meaning is refused; nothing is left behind."""
+"""Variables and courses do what changing the thing they name does; what has no meaning is refused; nothing is left."""
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+import math
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -11,273 +12,264 @@ import pytest
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
-from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
-from vsf_drake.simulation.variables import OFFSETS, SOCKET_AXES, gait_variables
+from vsf_drake.simulation.variables import SOCKET_AXES, Course
 from vsf_drake.simulation.walk import Walker
 
-SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
-FULCRUM_M = 0.108
-SPAN = {"start_s": 0.1, "end_s": 0.4, "step_s": 2e-3}
+FULCRUM_M, START_S = 0.108, 0.4
+SPAN = {"fulcrum_m": FULCRUM_M, "start_s": 0.1, "end_s": START_S, "step_s": 2e-3}
 """Touch-down and the first half of stance."""
 LAW = ("stiffness", "exponent", "damping", "full_damping_depth")
+FRICTION = ("mu_static", "mu_kinetic", "threshold_velocity")
+FOOT = ModelParameters().foot
+
+
+@pytest.fixture(scope="module")
+def person():
+    return with_foot()
+
+
+def with_foot(**changes):
+    model = ModelParameters()
+    subject = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
+    return Walker(subject, replace(model, foot=replace(model.foot, **changes)))
 
 
 def walked(walker, motion, **options):
-    return walker.walk(motion("right"), **({"fulcrum_m": FULCRUM_M} | SPAN | options))
+    return walker.walk(motion("right"), **(SPAN | options))
 
 
-def assert_same_walk(found, wanted, tolerance=0.0):
-    for name in ("q", "v", "load", "sites"):
-        a, b = getattr(found.record, name), getattr(wanted.record, name)
+def assert_same_walk(walk, wanted, tolerance=0.0):
+    for name in ("q0", "v0", "q", "v", "load", "sites"):
+        a, b = getattr(walk.record, name), getattr(wanted.record, name)
         np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.abs(b).max(), err_msg=name)
-    assert found.prosthetic.grf_W[:, 2].max() > 100.0
+    assert walk.prosthetic.grf_W[:, 2].max() > 100.0
 
 
 @contextmanager
-def parameter(system, context, name, change):
-    """The system's parameter in the diagram's `context`, changed by a function for a while."""
+def in_context(system, context, name, rows, value):
+    """The system's parameter (its `rows`) in the diagram's `context` is `value` for a while."""
     own = system.GetMyContextFromRoot(context)
     before = system.GetParameter(own, name)
-    system.SetParameters(own, **{name: change(before.copy())})
+    changed = np.array(before)
+    changed[rows] = value
+    system.SetParameters(own, **{name: changed})
     try:
         yield
     finally:
         system.SetParameters(own, **{name: before})
 
 
-def zone_rows(gait, zone):
-    sites = gait.person.foot.sites
-    return np.flatnonzero(sites.zone == sites.zone_names.index(zone))
-
-
-def put(rows, value):
-    def change(array):
-        array[rows] = value
-        return array
-
-    return change
-
-
-@pytest.mark.parametrize("name", LAW)
-@pytest.mark.parametrize("zone", ["forefoot", "heel"])
-def test_contact_variable_is_that_parameter_of_the_zones_spheres_in_the_systems_context(walker, motion, zone, name):
-    person = walker("right")
-    variable = person.variables[f"contact.{zone}.{name}"]
-    value = 1.1 * variable.default
-    found = walked(person, motion, values={variable.name: value})
-    rows = zone_rows(person.gait, zone)
-    with parameter(person.gait.forces["prosthetic"], person.context, name, put(rows, value)):
+@pytest.mark.parametrize("name", [
+    *(f"contact.{zone}.{key}" for zone in ("forefoot", "heel") for key in LAW),
+    *(f"friction.{key}" for key in FRICTION), *(f"socket.{axis}.stiffness" for axis in SOCKET_AXES)])
+def test_variable_is_that_parameter_in_its_systems_context(person, motion, name):
+    """Of the socket both signs keep their ratio, and the damping stays."""
+    value = 0.8 * person.variables[name].default + 0.3 * name.endswith("exponent")
+    kind, *middle, key = name.split(".")
+    gait, rows = person.gait, ...
+    changes = [(key, value)]
+    if kind == "contact":
+        sites = gait.person.foot.sites
+        rows = np.flatnonzero(sites.zone == sites.zone_names.index(middle[0]))
+    elif kind == "socket":
+        rows, bushing = SOCKET_AXES.index(middle[0]), gait.bushing
+        own = bushing.GetMyContextFromRoot(person.context)
+        positive, negative = (bushing.GetParameter(own, sign)[rows] for sign in ("stiffness", "stiffness_negative"))
+        changes.append(("stiffness_negative", value * negative / positive))
+    walk = walked(person, motion, values={name: value})
+    with ExitStack() as stack:
+        for parameter, number in changes:
+            system = gait.bushing if kind == "socket" else gait.forces["prosthetic"]
+            stack.enter_context(in_context(system, person.context, parameter, rows, number))
         wanted = walked(person, motion)
-    assert_same_walk(found, wanted)
-    assert np.abs(found.record.q - walked(person, motion).record.q).max() > 0.0
+    assert_same_walk(walk, wanted, 1e-9 if kind == "socket" else 0.0)
+    assert np.abs(walk.record.q - walked(person, motion).record.q).max() > 0.0
 
 
-@pytest.mark.parametrize("name", ["mu_static", "mu_kinetic", "threshold_velocity"])
-def test_friction_variable_is_that_parameter_of_the_prosthetic_foots_friction(walker, motion, name):
-    person = walker("right")
-    value = 0.7 * person.variables[f"friction.{name}"].default
-    found = walked(person, motion, values={f"friction.{name}": value})
-    with parameter(person.gait.forces["prosthetic"], person.context, name, lambda _: value):
-        wanted = walked(person, motion)
-    assert_same_walk(found, wanted)
+@pytest.mark.parametrize(("name", "value", "foot"), [
+    ("keel.flexural_modulus", 12e9, {"keel": replace(FOOT.keel, flexural_modulus_pa=12e9)}),
+    ("fulcrum.stiffness", 5e4, {"fulcrum": replace(FOOT.fulcrum, stiffness_n_per_m=5e4)}),
+    ("contact.forefoot.rise", 2e-3, {"zones": tuple(
+        replace(zone, rise_mm=tuple(rise + 2.0 * (zone.name == "forefoot") for rise in zone.rise_mm))
+        for zone in FOOT.zones)})])
+def test_variable_is_that_number_of_a_foot_built_with_it(person, motion, name, value, foot):
+    """Damping of keel and support comes with their stiffness, as in the model: a time constant."""
+    assert_same_walk(walked(person, motion, values={name: value}), walked(with_foot(**foot), motion), 1e-9)
 
 
-def test_intact_foot_keeps_its_contact_and_friction(walker):
-    person = walker("right")
+@pytest.mark.parametrize(("name", "field"), [
+    ("height", "height_m"), ("fore_aft", "fore_aft_m"), ("alignment", "alignment_rad")])
+def test_offset_is_the_one_of_a_manifest_and_adds_to_it(person, motion, name, field):
+    both = walked(person, motion, values={f"offset.{name}": 0.003}, offsets=GeometricOffsets(**{field: 0.001}))
+    assert_same_walk(both, walked(person, motion, offsets=GeometricOffsets(**{field: 0.004})), 1e-9)
+
+
+@pytest.mark.parametrize("name", ["pelvis_ty", "hip_flexion_r", "ankle_angle_l"])
+def test_coordinate_is_a_shift_of_the_whole_recorded_curve(person, motion, name):
+    curve = motion("right")
+    values = curve.values + 0.005 * (np.array(curve.names) == name)
+    shifted = person.walk(CoordinateTrajectory(curve.time_s, values, curve.names), **SPAN)
+    assert_same_walk(walked(person, motion, values={f"coordinate.{name}": 0.005}), shifted, 1e-6)
+
+
+def test_shift_of_the_fulcrum_is_another_position_constant_or_moving(person, motion):
+    shift = {"fulcrum.shift": -0.02}
+    assert_same_walk(walked(person, motion, values=shift), walked(person, motion, fulcrum_m=FULCRUM_M - 0.02), 1e-12)
+    moving = walked(person, motion, values=shift, fulcrum_m=lambda t: 0.1 + 0.05 * t)
+    assert_same_walk(moving, walked(person, motion, fulcrum_m=lambda t: 0.08 + 0.05 * t), 1e-12)
+
+
+def test_edits_leave_the_intact_foot_masses_and_other_springs_alone(person):
     mechanism = gait_mechanism(person.gait, person.context)
     count = len(person.gait.person.foot.sites.radius)
     values = {name: 1.2 * variable.default + 1e-3 for name, variable in person.variables.items()
               if name.startswith(("contact", "friction"))}
-    changed = edited(mechanism, person.variables, values).sites
-    np.testing.assert_array_equal(changed[count:], mechanism.sites[count:])
-    assert np.all(np.any(changed[:count] != mechanism.sites[:count], axis=1))
-
-
-def test_rise_is_another_height_of_the_zones_spheres_in_the_model(walker, motion):
-    model = ModelParameters()
-    zones = [replace(zone, rise_mm=tuple(value + 2.0 for value in zone.rise_mm)) if zone.name == "forefoot" else zone
-             for zone in model.foot.zones]
-    other = Walker(SUBJECT, replace(model, foot=replace(model.foot, zones=tuple(zones))))
-    found = walked(walker("right"), motion, values={"contact.forefoot.rise": 2e-3})
-    assert_same_walk(found, walked(other, motion), 1e-9)
-
-
-@pytest.fixture(scope="module")
-def default():
-    """A person with the default model, built here so that a test may build another one beside it."""
-    return Walker(SUBJECT, ModelParameters())
-
-
-def with_foot(**changes):
-    model = ModelParameters()
-    return Walker(SUBJECT, replace(model, foot=replace(model.foot, **changes)))
-
-
-def test_modulus_is_that_of_a_keel_built_with_it(default, motion):
-    keel = ModelParameters().foot.keel
-    other = with_foot(keel=replace(keel, flexural_modulus_pa=12e9))
-    assert_same_walk(walked(default, motion, values={"keel.flexural_modulus": 12e9}), walked(other, motion), 1e-9)
-
-
-def test_fulcrum_stiffness_is_that_of_a_support_built_with_it(default, motion):
-    """Its damping comes with it, as it does in the model: a time constant."""
-    fulcrum = ModelParameters().foot.fulcrum
-    other = with_foot(fulcrum=replace(fulcrum, stiffness_n_per_m=5e4))
-    assert_same_walk(walked(default, motion, values={"fulcrum.stiffness": 5e4}), walked(other, motion), 1e-9)
-
-
-def test_modulus_leaves_masses_alone(default):
-    mechanism = gait_mechanism(default.gait, default.context)
-    changed = edited(mechanism, default.variables, {"keel.flexural_modulus": 12e9})
+    changed = edited(mechanism, person.variables, values | {"keel.flexural_modulus": 12e9})
+    np.testing.assert_array_equal(changed.sites[count:], mechanism.sites[count:])
+    assert np.all(np.any(changed.sites[:count] != mechanism.sites[:count], axis=1))
+    rows = len(person.gait.person.foot.keel_joint_names)
     assert changed.tree is mechanism.tree
-    rows = len(default.gait.person.foot.keel_joint_names)
-    ratio = 12e9 / ModelParameters().foot.keel.flexural_modulus_pa
-    np.testing.assert_allclose(changed.springs[:rows, :3], ratio * mechanism.springs[:rows, :3], rtol=1e-12)
     np.testing.assert_array_equal(changed.springs[:rows, 3:], mechanism.springs[:rows, 3:])
     np.testing.assert_array_equal(changed.springs[rows:], mechanism.springs[rows:])
 
 
-@pytest.mark.parametrize("axis", SOCKET_AXES)
-def test_socket_stiffness_keeps_the_ratio_of_its_signs_and_its_damping(default, motion, axis):
-    name, row = f"socket.{axis}.stiffness", SOCKET_AXES.index(axis)
-    bushing, value = default.gait.bushing, 1.7 * default.variables[f"socket.{axis}.stiffness"].default
-    own = bushing.GetMyContextFromRoot(default.context)
-    positive, negative = (bushing.GetParameter(own, key)[row] for key in ("stiffness", "stiffness_negative"))
-    found = walked(default, motion, values={name: value})
-    with (parameter(bushing, default.context, "stiffness", put(row, value)),
-          parameter(bushing, default.context, "stiffness_negative", put(row, value * negative / positive))):
-        wanted = walked(default, motion)
-    assert_same_walk(found, wanted, 1e-9)
-
-
-def test_socket_that_pulls_otherwise_than_it_presses_keeps_that_ratio(default):
-    """tz of the default is stiffer pushed in than pulled out, or the test would not tell."""
-    mechanism = gait_mechanism(default.gait, default.context)
-    row = len(mechanism.springs) - 6 + SOCKET_AXES.index("tz")
-    columns = [SPRING_COLUMNS.index(name) for name in ("stiffness", "stiffness_negative")]
-    before = mechanism.springs[row, columns] * [1.0, 0.25]
-    springs = mechanism.springs.copy()
-    springs[row, columns] = before
-    variables = gait_variables(default.gait, replace(mechanism, springs=springs))
-    changed = edited(replace(mechanism, springs=springs), variables, {"socket.tz.stiffness": 3.0 * before[0]})
-    np.testing.assert_allclose(changed.springs[row, columns], 3.0 * before, rtol=1e-12)
-    np.testing.assert_array_equal(np.delete(changed.springs, row, 0), np.delete(springs, row, 0))
-    np.testing.assert_array_equal(changed.springs[row, 2:], springs[row, 2:])
-
-
-@pytest.mark.parametrize("name", OFFSETS)
-def test_offset_is_the_one_of_a_manifest_and_adds_to_it(default, motion, name):
-    field = {"height": "height_m", "fore_aft": "fore_aft_m", "alignment": "alignment_rad"}[name]
-    found = walked(default, motion, values={f"offset.{name}": 0.004})
-    assert_same_walk(found, walked(default, motion, offsets=GeometricOffsets(**{field: 0.004})))
-    both = walked(default, motion, values={f"offset.{name}": 0.003}, offsets=GeometricOffsets(**{field: 0.001}))
-    assert_same_walk(both, found, 1e-9)
-
-
-@pytest.mark.parametrize("name", ["pelvis_ty", "hip_flexion_r", "ankle_angle_l"])
-def test_coordinate_is_a_shift_of_the_whole_recorded_curve(default, motion, name):
-    curve = motion("right")
-    values = curve.values.copy()
-    values[:, curve.names.index(name)] += 0.005
-    shifted = default.walk(CoordinateTrajectory(curve.time_s, values, curve.names), fulcrum_m=FULCRUM_M, **SPAN)
-    assert_same_walk(walked(default, motion, values={f"coordinate.{name}": 0.005}), shifted, 1e-6)
-
-
-def test_every_prescribed_coordinate_is_a_variable_and_no_free_one(default):
-    named = [name.removeprefix("coordinate.") for name in default.variables if name.startswith("coordinate.")]
-    assert named == list(default.gait.prescribed)
-    assert all(default.variables[f"coordinate.{name}"].unit == ("m" if name[-3:-1] == "_t" else "rad")
-               for name in named)
-
-
-def test_shift_of_the_fulcrum_is_another_position_constant_or_moving(default, motion):
-    found = walked(default, motion, values={"fulcrum.shift": -0.02})
-    assert_same_walk(found, walked(default, motion, fulcrum_m=FULCRUM_M - 0.02), 1e-12)
-    moving = walked(default, motion, values={"fulcrum.shift": -0.02}, fulcrum_m=lambda t: 0.1 + 0.05 * t)
-    assert_same_walk(moving, walked(default, motion, fulcrum_m=lambda t: 0.08 + 0.05 * t), 1e-12)
-    assert moving.fulcrum_m[0] == pytest.approx(0.085)
-
-
-@pytest.mark.parametrize("shift", [-0.08, 0.08])
-def test_shift_out_of_the_carriages_reach_is_refused(default, motion, shift):
-    with pytest.raises(InputError, match="out of the carriage's reach") as error:
-        walked(default, motion, values={"fulcrum.shift": shift})
-    assert f"{1e3 * (FULCRUM_M + shift):g}" in str(error.value) or f"{FULCRUM_M + shift:g}" in str(error.value)
-
-
-def test_defaults_change_nothing(default, motion):
-    values = {name: variable.default for name, variable in default.variables.items()}
-    assert_same_walk(walked(default, motion, values=values), walked(default, motion), 1e-9)
-
-
-def test_values_hold_for_one_walk_only(default, motion):
-    before, mechanism = walked(default, motion), gait_mechanism(default.gait, default.context)
-    walked(default, motion, values={name: 0.7 * variable.default + 0.002 * variable.added
-                                    for name, variable in default.variables.items() if "exponent" not in name})
-    assert_same_walk(walked(default, motion), before)
-    after = gait_mechanism(default.gait, default.context)
+def test_values_hold_for_one_walk_only_also_if_it_fails(person, motion):
+    before, mechanism = walked(person, motion), gait_mechanism(person.gait, person.context)
+    defaults = {name: variable.default for name, variable in person.variables.items()}
+    assert_same_walk(walked(person, motion, values=defaults), before, 1e-9)
+    walked(person, motion, values={name: 0.7 * variable.default + 0.002 * variable.added
+                                   for name, variable in person.variables.items() if "exponent" not in name})
+    for wrong in ({"contact.forefoot.stiffness": 1.0, "offset.height": 0.01, "no.such": 1.0},
+                  {"offset.height": 0.01, "fulcrum.shift": 1.0}):
+        with pytest.raises(InputError):
+            walked(person, motion, values=wrong)
+    assert_same_walk(walked(person, motion), before)
+    after = gait_mechanism(person.gait, person.context)
     for name in ("sites", "springs", "fulcrum"):
         np.testing.assert_array_equal(getattr(after, name), getattr(mechanism, name))
 
 
-def test_values_that_fail_do_not_stay_either(default, motion):
-    before = walked(default, motion)
-    with pytest.raises(InputError):
-        walked(default, motion, values={"contact.forefoot.stiffness": 1.0, "offset.height": 0.01, "no.such": 1.0})
-    with pytest.raises(InputError):
-        walked(default, motion, values={"offset.height": 0.01, "fulcrum.shift": 1.0})
-    assert_same_walk(walked(default, motion), before)
+@pytest.mark.parametrize(("values", "match"), [
+    ({"contact.forfoot.stiffness": 1.0}, "Did you mean contact.forefoot.stiffness"),
+    ({"qqqq": 1.0}, r"There are: contact\."),
+    *(({name: value}, "is not usable") for name, value in (
+        ("contact.forefoot.stiffness", float("nan")), ("contact.forefoot.stiffness", 0.0),
+        ("contact.forefoot.stiffness", "5000"), ("contact.forefoot.stiffness", True), ("fulcrum.shift", 1j),
+        ("contact.forefoot.stiffness", np.array([1.0, 2.0])), ("contact.forefoot.exponent", 0.9),
+        ("friction.mu_static", -0.1), ("coordinate.pelvis_ty", float("-inf"))))])
+def test_name_or_value_without_meaning_is_refused(person, motion, values, match):
+    with pytest.raises(InputError, match=match) as error:
+        walked(person, motion, values=values)
+    assert next(iter(values)) in str(error.value)
 
 
-def test_what_the_caller_passed_is_left_alone(default, motion):
-    values = {"contact.forefoot.stiffness": 5e3}
-    walked(default, motion, values=values)
-    assert values == {"contact.forefoot.stiffness": 5e3}
+def test_variables_are_of_the_prescribed_coordinates_and_bounds_hold_the_default(person):
+    named = [name.removeprefix("coordinate.") for name in person.variables if name.startswith("coordinate.")]
+    assert named == list(person.gait.prescribed)
+    for name, variable in person.variables.items():
+        assert variable.name == name and variable.unit
+        assert variable.minimum <= variable.low <= variable.default <= variable.high <= variable.maximum, name
+        assert np.isfinite([variable.low, variable.high]).all()
+        assert variable.added == (variable.default == 0.0), name
 
 
-@pytest.mark.parametrize(("name", "near"), [
-    ("contact.forfoot.stiffness", "contact.forefoot.stiffness"), ("keel.flexural_modulos", "keel.flexural_modulus"),
-    ("socket.tz.stifness", "socket.tz.stiffness"), ("fulcrum.shft", "fulcrum.shift")])
-def test_unknown_name_is_refused_with_the_nearest_one(default, motion, name, near):
-    with pytest.raises(InputError, match=f"no variable '{name}'.*Did you mean {near}") as error:
-        walked(default, motion, values={name: 1.0})
-    assert error.value.exit_code == 2
+# Courses
 
 
-def test_name_like_no_other_is_refused_with_a_list(default, motion):
-    with pytest.raises(InputError, match=r"no variable 'qqqq'.*There are: contact\."):
-        walked(default, motion, values={"qqqq": 1.0})
+def wave(time):
+    return 0.3 + np.sin(7.0 * time)
+
+
+def one(time):
+    return np.ones_like(time)
 
 
 @pytest.mark.parametrize(("name", "value"), [
-    ("contact.forefoot.stiffness", float("nan")), ("contact.forefoot.stiffness", float("inf")),
-    ("contact.forefoot.stiffness", -1.0), ("contact.forefoot.stiffness", 0.0), ("contact.forefoot.stiffness", "5000"),
-    ("contact.forefoot.stiffness", None), ("contact.forefoot.stiffness", True),
-    ("contact.forefoot.stiffness", np.array([1.0, 2.0])), ("contact.forefoot.exponent", 0.9),
-    ("contact.forefoot.damping", -1e-9), ("contact.forefoot.full_damping_depth", 0.0),
-    ("friction.mu_static", -0.1), ("friction.threshold_velocity", 0.0), ("keel.flexural_modulus", 0.0),
-    ("fulcrum.stiffness", -1.0), ("socket.flexion.stiffness", 0.0), ("offset.height", float("nan")),
-    ("coordinate.pelvis_ty", float("-inf")), ("fulcrum.shift", float("nan")), ("fulcrum.shift", 1j),
-    ("fulcrum.shift", np.complex128(0.01)), ("fulcrum.shift", np.True_)])
-def test_value_without_meaning_is_refused_by_name(default, motion, name, value):
-    with pytest.raises(InputError, match="is not usable") as error:
-        walked(default, motion, values={name: value})
-    assert name in str(error.value)
-    assert default.variables[name].unit in str(error.value)
+    ("pelvis_tx", 0.02), ("pelvis_ty", 0.003), ("hip_flexion_r", 0.02), ("knee_angle_r", 0.03)])
+def test_walk_with_a_course_is_the_walk_of_a_trajectory_changed_by_it(person, motion, name, value):
+    """Its samples lie 10 ms apart; the quintic spline through them leaves 1e-9 of a wave of nearly a second."""
+    curve = motion("right")
+    values = curve.values + np.outer(value * wave(curve.time_s), np.array(curve.names) == name)
+    wanted = person.walk(CoordinateTrajectory(curve.time_s, values, curve.names), **SPAN)
+    walk = walked(person, motion, courses=[Course("a", name, wave)], values={"course.a": value})
+    np.testing.assert_allclose(walk.commanded, wanted.commanded, atol=1e-8 * abs(value))
+    assert_same_walk(walk, wanted, 1e-5)
 
 
-@pytest.mark.parametrize("value", [5000, np.float32(5000.0), np.int64(5000), np.float64(5000.0)])
-def test_any_kind_of_real_number_will_do(default, motion, value):
-    found = walked(default, motion, values={"contact.forefoot.stiffness": value})
-    assert_same_walk(found, walked(default, motion, values={"contact.forefoot.stiffness": 5000.0}))
+@pytest.mark.parametrize("name", ["pelvis_ty", "knee_angle_r"])
+def test_constant_shape_is_a_shift_of_the_coordinate(person, motion, name):
+    shift = f"coordinate.{name}"
+    options = {"courses": [Course("a", name, one)], "with_respect_to": [shift, "course.a"]}
+    walk, wanted = (walked(person, motion, values={variable: 0.004}, **options) for variable in ("course.a", shift))
+    assert_same_walk(walk, wanted, 1e-12)
+    for by in (walk.sensitivity, wanted.sensitivity):
+        for series in (by.grf_W, by.cop_W, by.free_moment_nm):
+            scale = np.nanmax(np.abs(series[..., 0]))
+            assert scale > 0.0
+            np.testing.assert_allclose(series[..., 1], series[..., 0], rtol=0.0, atol=1e-10 * scale)
 
 
-def test_bounds_hold_the_default_and_lie_within_what_has_meaning(default):
-    for name, variable in default.variables.items():
-        assert variable.name == name
-        assert variable.minimum <= variable.low <= variable.default <= variable.high, name
-        assert np.isfinite([variable.low, variable.high]).all()
-        assert variable.added == (variable.default == 0.0), name
-        assert variable.unit
+def test_courses_of_one_coordinate_and_its_shift_add_up_for_one_walk(person, motion):
+    known = list(person.variables)
+    courses = [Course("a", "hip_flexion_r", wave), Course("b", "hip_flexion_r", one), Course("c", "pelvis_tx", wave)]
+    values = {"course.a": 0.01, "course.b": 0.002, "coordinate.hip_flexion_r": 0.001, "course.c": 0.004}
+    walk = walked(person, motion, courses=courses, values=values)
+    together = [Course("hip", "hip_flexion_r", lambda t: 0.01 * wave(t) + 0.003), Course("c", "pelvis_tx", wave)]
+    wanted = walked(person, motion, courses=together, values={"course.hip": 1.0, "course.c": 0.004})
+    assert_same_walk(walk, wanted, 1e-9)
+    assert list(person.variables) == known
+
+
+def test_start_has_the_rate_of_the_shape(person, motion):
+    """On the ground, where all else is at rest: of a sine to 1e-11, of what begins flat none at all."""
+    span = {"start_s": START_S, "end_s": START_S + 0.01}
+    courses = [Course("steep", "pelvis_tx", lambda t: np.sin(9.0 * t)),
+               Course("flat", "knee_angle_r", lambda t: (t - START_S) ** 3)]
+    walk = walked(person, motion, courses=courses, values={"course.steep": 0.01, "course.flat": 0.02}, **span)
+    change = walk.record.v0 - walked(person, motion, **span).record.v0
+    forward = walk.mechanism.tree.index("pelvis_tx")
+    assert change[forward] == pytest.approx(0.09 * math.cos(9.0 * START_S), abs=1e-10)
+    change[forward] = 0.0
+    assert np.abs(change).max() < 1e-10
+
+
+def test_shape_is_asked_within_the_walk_only_and_cannot_spoil_its_times(person, motion):
+    def shape(time):
+        assert time.min() >= SPAN["start_s"] and time.max() <= SPAN["end_s"] + 1e-12
+        time *= 2.0
+        return time
+
+    walk, wanted = (walked(person, motion, courses=[Course("a", "pelvis_tx", function)], values={"course.a": 0.01})
+                    for function in (shape, lambda t: 2.0 * t))
+    assert_same_walk(walk, wanted)
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_shortest_walks_have_courses_too_and_the_result_tells_of_them(person, motion, trial_files, steps):
+    span = {"start_s": START_S, "end_s": START_S + steps * 1e-4, "step_s": 1e-4}
+    walk = walked(person, motion, courses=[Course("a", "pelvis_ty", wave)], values={"course.a": 1e-4},
+                  with_respect_to=["course.a"], **span)
+    assert walk.sensitivity.grf_W.shape == (steps, 3, 1) and np.isfinite(walk.sensitivity.grf_W).all()
+    table = person.result(walk, load_trial(trial_files.write()), GeometricOffsets(), energy=False).parameters
+    assert table["values"] == {"course.a": 1e-4} and table["courses"] == {"course.a": "pelvis_ty"}
+
+
+A = Course("a", "pelvis_ty", one)
+
+
+@pytest.mark.parametrize(("courses", "match"), [
+    ([Course("a", "pelvis_tyy", one)], "'pelvis_tyy' is not a pres.*Did you mean pelvis_ty"),
+    ([Course("a", "socket_tx", one)], "'socket_tx' is not a prescribed"),
+    ([A, Course("a", "pelvis_tx", one)], "two courses have this name"), ([Course("", "pelvis_ty", one)], "is no name"),
+    (A, "no list of courses"), ([one], r"courses\[0\].*no Course"),
+    ([Course("a", "pelvis_ty", 1.0)], "is a float, no function"),
+    ([Course("a", "pelvis_ty", lambda t: 1.0)], r"shape \(\) for"),
+    ([Course("a", "pelvis_ty", lambda t: np.where(t > 0.301, np.nan, 1.0))], r"is nan at 0\.302 s"),
+    ([Course("a", "pelvis_ty", lambda t: t + 0j)], "complex")])
+def test_what_is_no_course_is_refused(person, motion, courses, match):
+    with pytest.raises(InputError, match=match) as caught:
+        walked(person, motion, courses=courses)
+    assert "course" in str(caught.value)

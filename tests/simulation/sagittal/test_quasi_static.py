@@ -63,13 +63,6 @@ def test_every_joint_is_in_balance_at_every_instant(rolling, balanced):
     assert np.abs(y[3:15]).max() <= BALANCED * model.weight
 
 
-def test_balance_does_not_depend_on_the_first_guess(rolling, balanced):
-    _, model, _, time, state = rolling
-    again, _ = quasi_static_motion(model, *state, OWN, backward_rates(len(time)), SHARP,
-                                   start=balanced[0] + 0.01 * np.random.default_rng(0).standard_normal((12, len(time))))
-    np.testing.assert_allclose(again, balanced[0], atol=1e-7)
-
-
 def test_ground_reaction_is_the_steppers_but_for_the_inertia_of_what_yields(rolling, balanced):
     """What is left out is the acceleration of keel and socket in themselves: its force, in the mean square, and twice
     what the stepper changes by in half its step bound the difference. That is less than 0.5 % of body weight."""

@@ -172,34 +172,9 @@ def test_energies_are_drakes(case):
     assert_equal(potential, [case.plant.CalcPotentialEnergy(case.context)] * 2)
 
 
-def test_kinetic_energy_is_half_the_mass_matrix_between_the_velocities(case):
-    kinetic = energies(case, case.q[None], case.v[None])[1]
-    assert_equal(kinetic[0], 0.5 * case.v @ case.matrix(np.arange(len(case.q))) @ case.v)
-
-
-def test_bench_has_no_gravity_and_the_person_has(walker):
-    plant = make_bench(FootParameters()).plant
-    np.testing.assert_array_equal(tree_of(plant, plant.CreateDefaultContext()).gravity, 0.0)
-    plant = walker("right").gait.plant
-    np.testing.assert_array_equal(tree_of(plant, plant.CreateDefaultContext()).gravity, [0.0, 0.0, -9.81])
-
-
-def test_masses_of_the_context_and_not_of_the_model_count(walker):
-    plant = walker("right").gait.plant
-    context = plant.CreateDefaultContext()
-    before = tree_of(plant, context).inertias
-    other_masses(plant, context, np.random.default_rng(0))
-    assert np.all(tree_of(plant, context).inertias[before[:, 0] > 0.0, 0] != before[before[:, 0] > 0.0, 0])
-
-
-def test_chains_list_what_moves_a_coordinates_body_itself_last(walker):
-    plant = walker("right").gait.plant
+def test_coordinates_stand_where_drake_has_them(walker):
+    plant = walker("left").gait.plant
     tree = tree_of(plant, plant.CreateDefaultContext())
-    names = ["pelvis_ty", "socket_tz", "hip_flexion_r", "knee_angle_l", "hip_flexion_l"]
-    above, counts = chains(tree, np.array([tree.index(name) for name in names]))
-    listed = [[names[j] for j in above[i, : counts[i]]] for i in range(len(names))]
-    assert listed[0] == ["pelvis_ty"]
-    assert set(listed[1]) == {"pelvis_ty", "hip_flexion_r", "socket_tz"} and listed[1][-1] == "socket_tz"
-    assert listed[2] == ["pelvis_ty", "hip_flexion_r"]
-    assert set(listed[3]) == {"pelvis_ty", "hip_flexion_l", "knee_angle_l"} and listed[3][-1] == "knee_angle_l"
-    assert listed[4] == ["pelvis_ty", "hip_flexion_l"]
+    for i, name in enumerate(tree.coordinate_names):
+        joint = plant.GetJointByName(name)
+        assert joint.velocity_start() == joint.position_start() == i

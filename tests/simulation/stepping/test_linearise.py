@@ -14,7 +14,7 @@ from pydrake.multibody.tree import MultibodyForces_
 from vsf_drake.plants.foot import mount_pose, set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.stepping.assembly import find_sites, find_support, split_coordinates, step_room
-from vsf_drake.simulation.stepping.newton import EXACT, _residual, _velocities, step, tangent_matrix
+from vsf_drake.simulation.stepping.newton import EXACT, FLAT, _residual, _velocities, step, tangent_matrix
 from vsf_drake.simulation.stepping.sensitivity import linearise
 from vsf_drake.simulation.stepping.tree import inverse_dynamics, mass_matrix, place, tree_arrays
 from vsf_drake.simulation.stepping.ways import Edit, make_ways, tangent_room
@@ -80,7 +80,10 @@ class Instant:
         edits += [Edit(coordinate=name, course=np.ones(2)) for name in HELD[:-1]]
         ways = make_ways(tree, mechanism.forces, self.split, edits, measured=np.zeros(len(sites), dtype=bool))
         self.tangent = tangent_room(tree, self.split, ways)
+        tangent_matrix(STEP_S, arrays, mechanism.forces, self.split, self.room, FLAT, sites)
+        self.flat = self.room.A.copy()
         tangent_matrix(STEP_S, arrays, mechanism.forces, self.split, self.room, EXACT, sites)
+        self.A, self.sites = self.room.A.copy(), sites
         linearise(STEP_S, arrays, mechanism.forces, self.split, ways, self.room, self.tangent, self.q, self.v, sites,
                   support)
         count = len(self.split.free)
@@ -173,8 +176,8 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
 @pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_contact_springs_and_support_are_differentiated_too(walker, side, speed):
-    """Stuck, on friction's falling branch, sliding: by coordinates, velocities at the start, those of
-    held coordinates at the end, and every variable."""
+    """Stuck, on friction's falling branch, sliding: by coordinates, velocities at the start, those at the end, which is
+    the tangent of Newton's method, and every variable."""
     person, checked, total = walker(side), 0, 0
     variables = [name for name in person.variables if name[11:] not in np.setdiff1d(person.gait.prescribed, HELD)]
     variables = [name for name in variables if not name.endswith("exponent")]
@@ -183,7 +186,8 @@ def test_contact_springs_and_support_are_differentiated_too(walker, side, speed)
         assert at.converged and at.residual()[1][0].sum() > 3
         free, held = np.eye(len(at.q))[at.split.free], np.eye(len(at.q))[at.held[:-1]]
         for matrix, key, along in ((at.by_q, "dq", free), (at.by_v, "dv0", free), (at.by_held_q, "dq", held),
-                                   (at.by_held_v, "dv0", held), (at.by_held_end / STEP_S, "dv", held)):
+                                   (at.by_held_v, "dv0", held), (at.by_held_end / STEP_S, "dv", held),
+                                   (at.A / STEP_S, "dv", free)):
             for exact, unit in zip(matrix.T, along, strict=True):
                 found, smooth = at.difference(1e-6, **{key: unit})
                 total, checked = total + 1, checked + smooth
@@ -221,3 +225,32 @@ def test_support_on_two_pieces_is_differentiated_too(walker, joint, place):
                             strict=True):
         assert np.abs(exact).max() > 0.0
         np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-6 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
+def test_flattened_tangent_differs_from_the_exact_one_only_on_the_falling_branch(walker, speed):
+    falling = 0
+    for seed in range(20):
+        at = Instant(walker("right"), seed, (), depth=0.012, speed=speed)
+        loaded = at.sites[:, 1] > 0.0
+        slip = np.hypot(at.sites[loaded, 5], at.sites[loaded, 6]) / at.mechanism.sites[loaded, 10]
+        on_branch = bool(np.any((slip > 1.0) & (slip < 1.5)))
+        assert np.array_equal(at.flat, at.A) != on_branch
+        more = np.linalg.eigvalsh(at.flat - at.A + (at.flat - at.A).T)
+        assert more.min() >= -1e-9 * max(more.max(), 1e-9)
+        falling += on_branch
+    assert falling > 0 or speed < 0.1
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_wrench_on_every_body_is_the_sum_over_the_sites_that_it_carries(walker, side):
+    at = Instant(walker(side), 1, (), depth=0.012, speed=0.3)
+    m, contact = at.mechanism, at.room.contact
+    force = np.column_stack([at.sites[:, 2], at.sites[:, 3], at.sites[:, 1]])
+    wrench = np.hstack([np.cross(contact.center - m.sites[:, 3:4] * [0.0, 0.0, 1.0], force), force])
+    carried = np.eye(len(contact.F), dtype=bool)
+    for _, parent, child, _ in m.tree.links[::-1]:
+        carried[parent] |= carried[child]
+    wanted = np.array([wrench[carried[b][m.site_bodies]].sum(axis=0) for b in range(len(contact.F))])
+    assert np.abs(wanted[0]).max() > 100.0
+    np.testing.assert_allclose(contact.F, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())

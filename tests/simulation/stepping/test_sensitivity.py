@@ -1,4 +1,4 @@
-"""Sensitivities are the derivatives of the run: central differences, identities that hold exactly, and refusals.
+"""Sensitivities are the derivatives of the run: central differences, and identities that hold exactly.
 
 Two runs on both sides of a value have a force on different branches of its law where a sphere touches down or
 lifts off, begins to slip or to come up: an event. Only there may a difference be anything else than the derivative.
@@ -6,22 +6,66 @@ lifts off, begins to slip or to come up: an event. Only there may a difference b
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import partial
 
+import keel_at_rest
 import numpy as np
 import pytest
 from cut_walks import SETTINGS, cut_walk, hard_walker
-from differences import central, errors, exact_series, size
+from differences import branches, central, errors, exact_series, size
+from scipy.interpolate import BSpline
 
 from vsf_drake.errors import InputError
-from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.simulation.stepping.sensitivity import rest_sensitivity
-from vsf_drake.simulation.walk import Walker
+from vsf_drake.laws.beam import section_inertia
+from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.parameters import FootParameters, ModelParameters, Subject
+from vsf_drake.simulation import walk as walk_module
+from vsf_drake.simulation.mechanism import gait_mechanism
+from vsf_drake.simulation.stepping.sensitivity import Carried, rest_sensitivity
+from vsf_drake.simulation.stepping.stepper import Stepper
+from vsf_drake.simulation.variables import Course, course_variables
+from vsf_drake.simulation.walk import AppliedTorques, Walker
 
 END_S, STRIKE_S, MID_STANCE_S = 0.94, 0.1, 0.4
+GRID = np.array([0.0, 0.5, 1.0])
+COORDINATES = ("pelvis_tx", "pelvis_ty", "hip_flexion_{}", "knee_angle_{}")
 VALUES = {"offset.height": 2e-3, "offset.fore_aft": 4e-3, "offset.alignment": 0.02, "contact.forefoot.rise": 1e-3,
           "coordinate.pelvis_list": 0.01, "fulcrum.shift": 0.004, "fulcrum.stiffness": 8e4}
 """Away from the defaults, so that nothing is right at zero only."""
+FOOT = FootParameters()
+JOINTS_M = np.cumsum(FOOT.keel.element_lengths_m) - 0.5 * np.array(FOOT.keel.element_lengths_m)
+WIDTH_M, JOINT_M = 5e-3, float(JOINTS_M[2])
+"""Joints are 23.29 mm apart there."""
+
+
+@dataclass(frozen=True)
+class Coursed:
+    """A person whose walks all have these courses, for helpers that know a walker."""
+
+    person: Walker
+    courses: tuple[Course, ...]
+
+    def __getattr__(self, name):
+        return getattr(self.person, name)
+
+    @property
+    def variables(self):
+        return self.person.variables | course_variables(self.courses, self.person.gait.prescribed, GRID)
+
+    def walk(self, motion, **options):
+        return self.person.walk(motion, courses=self.courses, **options)
+
+
+def wave(time):
+    """With a rate wherever a walk begins."""
+    return 0.3 + np.sin(7.0 * time)
+
+
+def coursed(person):
+    """The person with a course on each of COORDINATES, on the prosthetic side."""
+    names = [name.format(person.subject.prosthetic_side[0]) for name in COORDINATES]
+    return Coursed(person, tuple(Course(name, name, wave) for name in names))
 
 
 def moving(time):
@@ -38,26 +82,29 @@ CASES = {
 FAMILIES = ("contact", "friction", "keel", "fulcrum", "socket", "offset", "coordinate")
 
 
-def case(walker, motion, name):
+def case(walker, motion, name, prefix=""):
     """The person, the motion and the arguments of a case; exponents above their least, to have two sides."""
     side, span = CASES[name]
-    person = walker(side)
-    exponents = {n: 1.05 for n in person.variables if n.endswith(".exponent")}
-    return person, motion(side), {"end_s": END_S, "values": VALUES | exponents} | span
+    person = coursed(walker(side)) if prefix == "course" else walker(side)
+    values = VALUES | {n: 1.05 for n in person.variables if n.endswith(".exponent")}
+    if prefix == "course":
+        values = dict(zip(family(person, prefix), (4e-3, 5e-4, 0.01, -0.01), strict=True))
+    return person, motion(side), {"end_s": END_S, "values": values} | span
 
 
 def family(person, prefix):
     """Names of it, of coordinates those on which the force on the prosthetic foot depends."""
     other = "_l" if person.subject.prosthetic_side == "right" else "_r"
-    return [name for name in person.variables if name.startswith(prefix) and not name.endswith(("_tx", "_tz", other))]
+    return [name for name in person.variables if name.startswith(prefix)
+            and (prefix == "course" or not name.endswith(("_tx", "_tz", other)))]
 
 
-@pytest.mark.parametrize("prefix", FAMILIES)
+@pytest.mark.parametrize("prefix", [*FAMILIES, "course"])
 @pytest.mark.parametrize("name", CASES)
 def test_central_differences_lead_to_the_sensitivity(walker, motion, name, prefix):
     """Changes by 3e-6 pass no event. What is left is the tolerance of Newton's method; at a start in equilibrium also
     what settling leaves, some 1e-9 m/s for some 0.1 s: 1e-10 m beside a change of the pose by as little as 3e-8 m."""
-    person, recording, options = case(walker, motion, name)
+    person, recording, options = case(walker, motion, name, prefix)
     names = family(person, prefix)
     sensitivity = person.walk(recording, with_respect_to=names, **options).sensitivity
     for variable in names:
@@ -90,11 +137,14 @@ def test_noticeable_changes_agree_within_a_percent_away_from_events(walker, moti
 
 @pytest.mark.parametrize("name", ["landing", "catching"])
 def test_steps_that_are_cut_carry_sensitivities_through_their_pieces(name):
+    """Courses without a value, so that the walk is the one that is cut."""
     setting, values, step_s = SETTINGS[name]
-    person, trial = hard_walker(setting)
+    walker, trial = hard_walker(setting)
+    person = coursed(walker)
     options = {"values": values, "fulcrum_m": trial.fulcrum_m, "start_s": trial.start_s, "end_s": trial.end_s,
                "step_s": step_s}
-    names = ("offset.height", "contact.forefoot.stiffness", "friction.mu_static", "socket.ty.stiffness")
+    names = ("offset.height", "contact.forefoot.stiffness", "friction.mu_static", "socket.ty.stiffness",
+             *family(person, "course"))
     walk = person.walk(trial.trajectory, with_respect_to=names, **options)
     assert walk.record.parts.max() > 1 and walk.record.converged.all()
     np.testing.assert_array_equal(walk.record.q, cut_walk(name).record.q)
@@ -164,27 +214,28 @@ def test_rest_does_not_depend_on_what_acts_on_motion_only(walker, motion, name):
         assert by[:, i].any() == (not motion_only), variable
 
 
-@pytest.mark.parametrize("initial", [{}, {"pelvis_ty": 0.0}])
-def test_free_coordinates_respond_too(motion, initial):
-    """A pelvis that is free to rise and fall: as recorded at the start, or at rest on the prosthesis.
+@pytest.mark.parametrize(("free", "settles"), [
+    (("pelvis_ty", "knee_angle_l"), ()), (("hip_rotation_r", "pelvis_list"), ()), (("pelvis_ty",), ("pelvis_ty",)),
+    (("pelvis_ty", "knee_angle_l"), ("pelvis_ty",))])
+def test_free_coordinates_respond_too(motion, free, settles):
+    """A pelvis that is free to rise and fall and others above and below a course: as recorded at the start, or at rest.
 
     That rest is not quite reached, since a sticking foot creeps: the same share of a percent at any change.
     """
-    person = Walker(Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right"), ModelParameters(),
-                    free=("pelvis_ty", "knee_angle_l"))
-    recording = motion("right")
-    if initial:
-        height = recording.sample(MID_STANCE_S)[0][0, recording.names.index("pelvis_ty")]
-        initial = {"pelvis_ty": float(height)}
+    subject = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
+    person = Coursed(Walker(subject, ModelParameters(), free=free),
+                     tuple(Course(name, name, wave) for name in ("hip_flexion_l", "pelvis_tx", "knee_angle_r")))
+    start = dict(zip(motion("right").names, motion("right").sample(MID_STANCE_S)[0][0], strict=True))
+    options = {"fulcrum_m": 0.108, "start_s": MID_STANCE_S, "end_s": 0.55, "step_s": 1e-3,
+               "initial": {name: float(start[name]) for name in settles}}
     names = ("contact.forefoot.stiffness", "keel.flexural_modulus", "fulcrum.shift", "offset.height",
-             "coordinate.hip_flexion_l", "coordinate.knee_angle_r", "socket.ty.stiffness")
-    options = {"fulcrum_m": 0.108, "start_s": MID_STANCE_S, "end_s": 0.55, "step_s": 1e-3, "initial": initial}
-    walk = person.walk(recording, with_respect_to=names, **options)
+             "coordinate.hip_flexion_l", "coordinate.knee_angle_r", "socket.ty.stiffness", *family(person, "course"))
+    walk = person.walk(motion("right"), with_respect_to=names, **options)
     for variable in names:
-        by = central(person, recording, variable, 1e-5 * size(person.variables[variable]), **options)
+        by = central(person, motion("right"), variable, 1e-5 * size(person.variables[variable]), **options)
         for key, error in errors(person, walk.sensitivity, variable, by):
             assert np.abs(exact_series(walk.sensitivity, variable)[key]).max() > 0.0
-            assert error.max() < (0.01 if initial else 3e-3), (variable, key)
+            assert error.max() < (0.01 if settles else 3e-3), (variable, key)
 
 
 def test_run_is_the_same_bit_for_bit_whatever_it_is_differentiated_by(walker, motion):
@@ -200,19 +251,223 @@ def test_run_is_the_same_bit_for_bit_whatever_it_is_differentiated_by(walker, mo
     np.testing.assert_allclose(some.sensitivity.grf_W[:, :, 1:2], one.sensitivity.grf_W, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("names", "match"), [
-    (("offset.hight",), r"no variable 'offset\.hight'"), (("offset.height", "offset.height"), "twice"),
-    (("coordinate.fulcrum",), "no variable")])
-def test_unknown_or_repeated_name_is_refused(walker, motion, names, match):
-    with pytest.raises(InputError, match=match) as caught:
-        walker("right").walk(motion("right"), fulcrum_m=0.108, start_s=0.0, end_s=0.1, with_respect_to=names)
-    assert "with_respect_to" in str(caught.value)
+@pytest.mark.parametrize("start_s", [0.0, MID_STANCE_S])
+def test_sensitivities_to_courses_that_add_up_to_one_add_up_to_that_of_a_shift(walker, motion, start_s):
+    """Cubic B-splines over the walk, and the other sensitivities are the same beside them."""
+    knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, 6), np.ones(3)])
+    person = Coursed(walker("right"), tuple(Course(str(i), "hip_flexion_r", BSpline(knots, unit, 3))
+                                            for i, unit in enumerate(np.eye(8))))
+    options = {"fulcrum_m": 0.108, "start_s": start_s, "end_s": END_S, "step_s": 2e-3}
+    names = [*family(person, "course"), "coordinate.hip_flexion_r"]
+    by = person.walk(motion("right"), with_respect_to=names, **options).sensitivity
+    alone = walker("right").walk(motion("right"), with_respect_to=names[-1:], **options).sensitivity
+    np.testing.assert_allclose(by.grf_W[..., 8:], alone.grf_W, rtol=1e-12, atol=1e-9)
+    for series in (by.grf_W, by.cop_W, by.free_moment_nm):
+        np.testing.assert_allclose(series[..., :8].sum(axis=-1), series[..., 8], rtol=0.0,
+                                   atol=1e-9 * np.nanmax(np.abs(series)))
 
 
-def test_free_coordinate_has_no_shift_to_differentiate_by(motion):
-    person = Walker(replace(Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")),
-                    ModelParameters(), free=("pelvis_ty",))
-    assert "coordinate.pelvis_ty" not in person.variables
-    with pytest.raises(InputError, match=r"no variable 'coordinate\.pelvis_ty'"):
-        person.walk(motion("right"), fulcrum_m=0.108, start_s=0.0, end_s=0.1,
-                    with_respect_to=("coordinate.pelvis_ty",))
+def test_course_on_another_grid_than_the_run_is_refused(walker):
+    person = walker("right")
+    mechanism = gait_mechanism(person.gait, person.context)
+    edits = tuple(v.edit for v in course_variables([Course("a", "pelvis_ty", wave)], person.gait.prescribed,
+                                                   GRID).values())
+    carried = Carried(edits=edits, measured=np.zeros(len(mechanism.sites), dtype=bool), q0=np.zeros((1, 1)))
+    with pytest.raises(ValueError, match="3 instants, the run 11"):
+        carried.prepare(mechanism.tree, mechanism.forces, None, 10)
+
+
+def supported(walker: Walker, motion, fulcrum_m, width_m, **options):
+    return walker.walk(motion("right"), fulcrum_m=fulcrum_m, start_s=0.1, end_s=0.7, step_s=2e-3,
+                       support_width_m=width_m, **options)
+
+
+def force_by_shift(walker, motion, fulcrum_m, width_m):
+    """(n, 3) N/m, derivative of the ground reaction by the support's place."""
+    walk = supported(walker, motion, fulcrum_m, width_m, with_respect_to=("fulcrum.shift",))
+    return walk.sensitivity.grf_W[:, :, 0]
+
+
+@pytest.mark.parametrize(("joint", "place"), [
+    (joint, place) for joint in JOINTS_M for place in (-1.0, -0.5, -0.02, 0.0, 0.02, 0.5, 1.0)
+    if FOOT.fulcrum.rearmost_m < joint + place * WIDTH_M < FOOT.fulcrum.foremost_m])
+def test_derivative_of_a_walk_is_its_central_difference_on_a_joint_and_beside_it(walker, motion, joint, place):
+    """At 1e-8 m either way both ends are on the same branch of every law; at a place of +-1 the weight's second
+    derivative jumps, which changes a difference by as little."""
+    person, fulcrum, change = walker("right"), float(joint + place * WIDTH_M), 1e-8
+    exact = force_by_shift(person, motion, fulcrum, WIDTH_M)
+    low, high = (supported(person, motion, fulcrum + sign * change, WIDTH_M).prosthetic.grf_W for sign in (-1.0, 1.0))
+    error = np.abs((high - low) / (2.0 * change) - exact).max(axis=1) / np.abs(exact).max()
+    assert np.median(error) < 1e-5 and error.max() < 1e-3
+
+
+@pytest.mark.parametrize("place", [-1.0, 0.0, 1.0])
+def test_derivative_is_continuous_across_a_joint(walker, motion, place):
+    """From 1 um before to 1 um behind the joint, and the ends of the width; without a width it jumps at the joint."""
+    fulcrum, change = JOINT_M + place * WIDTH_M, 1e-6
+    before, behind = (force_by_shift(walker("right"), motion, fulcrum + sign * change, WIDTH_M)
+                      for sign in (-1.0, 1.0))
+    scale = np.abs(before).max()
+    assert np.abs(before - behind).max() < 1e-3 * scale
+    sharp = [force_by_shift(walker("right"), motion, fulcrum + sign * change, 0.0) for sign in (-1.0, 1.0)]
+    jump = np.abs(sharp[0] - sharp[1]).max()
+    assert jump > 0.1 * scale if place == 0.0 else jump < 1e-3 * scale
+
+
+def test_away_from_joints_a_width_changes_nothing(walker, motion):
+    """108 mm is 7 mm from the nearest joint: bit for bit."""
+    plain, wide = (supported(walker("right"), motion, 0.108, width) for width in (0.0, WIDTH_M))
+    for key in ("q", "v", "load", "sites", "fulcrum"):
+        np.testing.assert_array_equal(getattr(plain.record, key), getattr(wide.record, key))
+
+
+@pytest.mark.parametrize("place", [-0.8, -0.4, 0.0, 0.4, 0.8])
+def test_keel_gives_way_next_to_a_joint_as_castigliano_has_it(place):
+    """The rise of the load point under F is the sum of m^2 / (F k) over the joints, m the moment about each.
+
+    Only at this joint x does the width change it: m = F (L - x) - share F L / l (l - x), where the piece ahead of
+    the joint has the share 0 or 1 without a width. 1 N keeps the keel straight.
+    """
+    load, fulcrum, share = 1.0, JOINT_M + place * WIDTH_M, 0.5 * (1.0 + place)
+    modulus, reach = FOOT.keel.flexural_modulus_pa, FOOT.load_point_m
+    sharp, wide = (keel_at_rest.rises(FOOT, np.array([load]), fulcrum, width)[0] for width in (0.0, WIDTH_M))
+    stiffness = modulus * section_inertia(FOOT.keel.width_m, FOOT.keel.thickness_m) / FOOT.keel.element_lengths_m[2]
+    m_wide, m_sharp = (load * (reach - JOINT_M) - s * load * reach / fulcrum * (fulcrum - JOINT_M)
+                       for s in (share * share * (3.0 - 2.0 * share), float(place >= 0.0)))
+    assert wide - sharp == pytest.approx((m_wide**2 - m_sharp**2) / (load * stiffness), rel=1e-3, abs=1e-10)
+    assert 0.0 <= wide - sharp + 1e-10
+    assert wide - sharp < 0.175 * WIDTH_M * m_sharp / stiffness * reach / fulcrum * 1.05
+
+
+@pytest.mark.parametrize("width", [-1e-3, 0.012, float("nan"), "5 mm"])
+def test_width_that_reaches_the_next_joint_is_refused(walker, motion, width):
+    with pytest.raises(InputError, match="support_width_m"):
+        supported(walker("right"), motion, 0.108, width)
+
+
+NAMES = ("fulcrum.shift", "fulcrum.stiffness", "keel.flexural_modulus", "contact.forefoot.stiffness",
+         "contact.heel.stiffness", "contact.heel.damping", "contact.forefoot.rise", "friction.mu_static",
+         "friction.threshold_velocity", "socket.tz.stiffness", "socket.flexion.stiffness", "socket.tx.stiffness",
+         "offset.alignment", "offset.height", "offset.fore_aft")
+ROLLED = {"fulcrum_m": 0.1, "start_s": 0.1, "end_s": 0.8, "step_s": 1e-3, "support_width_m": 6e-3}
+"""From just before touch-down to toe-off, the support on two pieces of the keel."""
+SIDES = {"right": "_r", "left": "_l"}
+
+
+@pytest.fixture
+def exact_steps(monkeypatch):
+    """Newton's method to the last digits: a difference of loads sees what it leaves, over the step's square."""
+    monkeypatch.setattr(walk_module, "Stepper", partial(Stepper, tolerance=1e-12))
+
+
+def series(walk):
+    """name -> (n, k) what a `LoadSensitivity` differentiates."""
+    return {"load": walk.record.load, "socket": walk.socket_wrench, "q": walk.record.q, "v": walk.record.v}
+
+
+def driven(person, walk):
+    """Coordinates that have a load."""
+    names = (*person.gait.prescribed, "fulcrum", *walk.applied_names)
+    return [walk.mechanism.tree.index(name) for name in names]
+
+
+def assert_differences_agree(person, recording, names, options, *, change=3e-6):
+    """Each column within 1e-5 of its largest, where both ends are on the same branches of all laws.
+
+    A column that hardly depends on the variable, by less than a 1e-3rd of the one that does most (of the state, a
+    1e-2nd), is held against that: differences end at what two runs leave of sixteen digits.
+    """
+    base = person.walk(recording, with_respect_to=names, with_loads=True, **options)
+    found = base.load_sensitivity
+    assert found.names == tuple(names)
+    loaded = np.isin(np.arange(base.record.q.shape[1]), driven(person, base))
+    assert not found.load[:, ~loaded].any()
+    for p, name in enumerate(names):
+        step = change * size(person.variables[name])
+        ends = [person.walk(recording, values={name: person.variables[name].default + sign * step}, **options)
+                for sign in (-1.0, 1.0)]
+        alike = np.all(branches(ends[0]) == branches(ends[1]), axis=1)
+        assert alike.mean() > 0.9, name
+        low, high = (series(walk) for walk in ends)
+        for key, one in low.items():
+            by = ((high[key] - one) / (2.0 * step))[alike]
+            exact = getattr(found, key)[alike, :, p]
+            if key == "load":
+                by, exact = by[:, loaded], exact[:, loaded]
+            largest = np.abs(exact).max(axis=0)
+            assert largest.max() > 0.0, (name, key)
+            scale = np.maximum(largest, (1e-2 if key in "qv" else 1e-3) * largest.max())
+            assert (np.abs(exact - by) / scale).max() < 1e-5, (name, key)
+    return base
+
+
+@pytest.mark.usefixtures("exact_steps")
+@pytest.mark.parametrize("side", SIDES)
+def test_differences_of_walks_lead_to_the_derivatives(walker, motion, side):
+    walk = assert_differences_agree(walker(side), motion(side), NAMES, ROLLED)
+    assert walk.prosthetic.grf_W[:, 2].max() > 500.0
+    knee = walk.mechanism.tree.index(f"knee_angle{SIDES[side]}")
+    other = walk.mechanism.tree.index(f"knee_angle{SIDES['left' if side == 'right' else 'right']}")
+    assert np.abs(walk.load_sensitivity.load[:, knee, 0]).max() > 100.0
+    assert not walk.load_sensitivity.load[:, other].any()
+
+
+@pytest.mark.usefixtures("exact_steps")
+def test_rows_that_free_coordinates_move_and_torques_with_feedback_too(motion):
+    """A pelvis that rises and falls and swings, and a prosthetic knee that follows the recording by feedback."""
+    free = ("pelvis_tilt", "pelvis_ty", "knee_angle_r")
+    person = Walker(Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right"), ModelParameters(),
+                    free=free)
+    recording = motion("right").ordered(free)
+    gain = np.hstack([np.diag([3000.0, 3e4, 3000.0])[2:], np.diag([100.0, 1e3, 60.0])[2:]])
+    applied = AppliedTorques(("knee_angle_r",), lambda t: np.zeros((len(t), 1)),
+                             gain=lambda t: np.tile(gain, (len(t), 1, 1)),
+                             reference=lambda t: np.hstack(recording.sample(t)[:2]))
+    options = ROLLED | {"end_s": 0.5, "applied": applied}
+    walk = assert_differences_agree(person, motion("right"), NAMES, options, change=1e-5)
+    rows = [walk.mechanism.tree.index(name) for name in ("hip_flexion_l", "ankle_angle_l", "knee_angle_r")]
+    assert np.all(np.abs(walk.load_sensitivity.load[:, rows]).max(axis=(0, 2)) > 0.0)
+
+
+@pytest.mark.usefixtures("exact_steps")
+@pytest.mark.parametrize("name", ["landing", "catching"])
+def test_load_of_a_step_that_was_cut_is_the_mean_of_its_pieces_derivatives_too(name):
+    setting, values, step_s = SETTINGS[name]
+    person, trial = hard_walker(setting)
+    options = {"values": values, "fulcrum_m": trial.fulcrum_m, "start_s": trial.start_s, "end_s": trial.end_s,
+               "step_s": step_s}
+    variable, change = "socket.ty.stiffness", 1e-6 * person.variables["socket.ty.stiffness"].default
+    walk = person.walk(trial.trajectory, with_respect_to=(variable,), with_loads=True, **options)
+    at = values.get(variable, person.variables[variable].default)
+    low, high = (person.walk(trial.trajectory, **options | {"values": values | {variable: at + sign * change}})
+                 for sign in (-1.0, 1.0))
+    same = np.logical_and.accumulate(np.all(branches(low) == branches(high), axis=1))
+    cut = same & (walk.record.parts > 1)
+    assert cut.any()
+    rows = driven(person, walk)
+    by, exact = (high.record.load - low.record.load)[:, rows] / (2.0 * change), walk.load_sensitivity.load[:, rows, 0]
+    assert np.abs(by - exact)[cut].max() < 1e-4 * np.abs(exact[same]).max()
+
+
+@pytest.mark.usefixtures("exact_steps")
+def test_at_rest_the_pelvis_takes_what_the_ground_does_not(walker, motion):
+    """A pose of mid-stance held: whatever loads the foot more unloads the pelvis by the same force.
+
+    What acts on motion only is left out: it changes nothing at rest."""
+    q, _, _ = motion("right").sample(0.4)
+    held = CoordinateTrajectory(np.linspace(0.0, 1.0, 11), np.repeat(q, 11, axis=0), motion("right").names)
+    walk = walker("right").walk(held, fulcrum_m=0.1, start_s=0.0, end_s=1.0, step_s=2e-3, with_respect_to=NAMES,
+                                with_loads=True)
+    tree, by, ground = walk.mechanism.tree, walk.load_sensitivity, walk.sensitivity.grf_W[-1]
+    elastic = [i for i, name in enumerate(NAMES) if "friction" not in name and "damping" not in name]
+    for name, force in (("pelvis_tx", ground[0]), ("pelvis_ty", ground[2]), ("pelvis_tz", -ground[1])):
+        left = by.load[-1, tree.index(name)] + force
+        np.testing.assert_allclose((left / np.abs(ground[2]))[elastic], 0.0, atol=1e-5, err_msg=name)
+
+
+def test_variables_that_move_prescribed_coordinates_are_refused(walker, motion):
+    course = Course("bend", "knee_angle_r", lambda t: t)
+    for name in ("coordinate.knee_angle_r", "course.bend"):
+        with pytest.raises(InputError, match=f"not differentiated by {name}"):
+            walker("right").walk(motion("right"), courses=(course,), with_respect_to=(name,), with_loads=True,
+                                 **ROLLED)

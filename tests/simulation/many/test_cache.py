@@ -1,10 +1,11 @@
-"""A cache returns what was asked for, and nothing that was made otherwise."""
+"""A cache returns what was asked for, nothing that was made otherwise and no damaged entry."""
 
 from __future__ import annotations
 
-import json
+import errno
 import subprocess
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.simulation.many import WalkCase, cases, run, simulate_many
+from vsf_drake.simulation.many import run as cache_module
 from vsf_drake.simulation.many.cases import Planner
 
 PACKAGE = Path(vsf_drake.__file__).parent
@@ -152,11 +154,60 @@ def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(monkeypatch, tm
     assert len(entries(tmp_path)) == 1 and len(walks) == 3
 
 
-def test_an_entry_opens_as_plain_arrays_and_says_what_made_it(tmp_path, sweep):
-    [case] = sweep(1)
-    [outcome] = simulate_many([case], workers=1, cache=tmp_path)
-    with np.load(entries(tmp_path)[0], allow_pickle=False) as stored:
-        np.testing.assert_array_equal(stored["grf_W"], outcome.arrays["grf_W"])
-        about = json.loads(stored["about.json"])
-    assert about["made_with"]["values"] == dict(case.values)
-    assert about["software"]["drake"]
+def spoil(path: Path, how: str) -> None:
+    content = path.read_bytes()
+    if how == "empty":
+        path.write_bytes(b"")
+    elif how == "truncated":
+        path.write_bytes(content[: len(content) // 2])
+    else:
+        place = int(float(how) * len(content))
+        path.write_bytes(content[:place] + bytes([content[place] ^ 0x10]) + content[place + 1:])
+
+
+@pytest.mark.parametrize("how", ["empty", "truncated", "0.5"])
+def test_a_damaged_entry_is_noticed_computed_anew_and_replaced(tmp_path, walks, sweep, assert_same, how):
+    first = simulate_many(sweep(1), workers=1, cache=tmp_path)
+    spoil(entries(tmp_path)[0], how)
+    second = simulate_many(sweep(1), workers=1, cache=tmp_path)
+    assert len(walks) == 2 and not second[0].from_cache
+    assert any("cache entry was damaged" in note for note in second[0].notes)
+    assert_same(first, second)
+    third = simulate_many(sweep(1), workers=1, cache=tmp_path)
+    assert len(walks) == 2 and not any("cache" in note for note in third[0].notes)
+    assert_same(first, third)
+
+
+def test_no_changed_byte_anywhere_changes_what_is_read(tmp_path, sweep):
+    [outcome] = simulate_many(sweep(1), workers=1, cache=tmp_path)
+    path, store = entries(tmp_path)[0], cache_module.WalkCache(tmp_path)
+    content, noticed = path.read_bytes(), 0
+    for place in np.linspace(0, len(content) - 1, 400).astype(int):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 0xFF]) + content[place + 1:])
+        reply, note = store.read(path.stem)
+        noticed += bool(note)
+        if reply is not None:  # the byte was one of the archive's own, a date for example
+            assert all(reply.arrays[name].tobytes() == array.tobytes() for name, array in outcome.arrays.items())
+            assert reply.text == "" and reply.unconverged_steps == outcome.unconverged_steps
+    assert noticed > 350
+
+
+def test_a_full_disk_ends_with_a_message_and_leaves_sound_entries_only(monkeypatch, tmp_path, walks, sweep):
+    real = cache_module.replaced
+
+    @contextmanager
+    def filling(path, mode, **options):
+        with real(path, mode, **options) as stream:
+            if len(entries(tmp_path)) == 2:
+                stream.write(b"half of it")
+                raise OSError(errno.ENOSPC, "No space left on device")
+            yield stream
+
+    with monkeypatch.context() as patch:
+        patch.setattr(cache_module, "replaced", filling)
+        with pytest.raises(InputError, match=r"No space left on device.*Make room and run the same again"):
+            simulate_many(sweep(5), workers=1, cache=tmp_path)
+    assert len(entries(tmp_path)) == 2
+    assert sorted(p for p in tmp_path.rglob("*") if p.is_file()) == entries(tmp_path)
+    outcomes = simulate_many(sweep(5), workers=1, cache=tmp_path)
+    assert sum(o.from_cache for o in outcomes) == 2 and all(o.ok for o in outcomes)

@@ -1,4 +1,4 @@
-"""Many walks give the numbers of single walks, in order, whoever computes them and whatever becomes of the others."""
+"""A sweep of walks gives each as a single walk would, in order, however it is spread; and says how far it is."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError, VsfError
-from vsf_drake.simulation.many import ProcessWorkers, WalkCase, run, simulate_many
+from vsf_drake.simulation.many import SweepProgress, WalkCase, run, simulate_many
+from vsf_drake.simulation.many.processes import LINE_EVERY_S, sparse_lines
 from vsf_drake.simulation.walk import Walker
 
 UNDER_GROUND = {"coordinate.pelvis_ty": -0.6}
@@ -48,23 +49,6 @@ def test_same_numbers_on_one_worker_on_two_and_on_threads_in_any_order(sweep, as
         assert_same(one, simulate_many(cases, keep=keep, executor=processes, workers=1))
 
 
-def test_outcomes_come_in_the_order_of_the_cases_whatever_finishes_first(monkeypatch, sweep):
-    finished = []
-
-    def walk(task):
-        place = 0.07 + 0.07 * np.arange(4) / 4
-        i = int(np.argmin(np.abs(place - task.options["fulcrum_m"])))
-        time.sleep(0.05 * (4 - i))
-        finished.append(i)
-        return run.Reply(run.Kind.DONE, arrays={"time_s": np.array([float(i)])})
-
-    monkeypatch.setattr("vsf_drake.simulation.many.run.run_task", walk)
-    with ThreadPoolExecutor(4) as threads:
-        outcomes = simulate_many(sweep(4), keep=["time_s"], executor=threads)
-    assert finished == [3, 2, 1, 0]
-    assert [float(o.arrays["time_s"][0]) for o in outcomes] == [0.0, 1.0, 2.0, 3.0]
-
-
 def test_failing_members_are_reported_with_their_parameters_and_the_others_finish(trial, sweep):
     bad = [
         (WalkCase(trial=trial, values={"contact.heel.stifness": 1e5}, label="misspelt"), "contact.heel.stiffness"),
@@ -87,23 +71,6 @@ def test_failing_members_are_reported_with_their_parameters_and_the_others_finis
         with pytest.raises(VsfError, match="failed"):
             outcome.column("knee_angle_r")
     assert all(o.ok for o in outcomes[-2:])
-
-
-def test_a_moving_fulcrum_is_walked_as_the_function_says(trial):
-    def slide(t):
-        return 0.08 + 0.2 * (t - trial.start_s)
-
-    [outcome] = simulate_many([WalkCase(trial=trial, fulcrum_m=slide)], keep=["fulcrum_m", "grf_W"], workers=1)
-    walker = Walker(trial.subject, trial.model)
-    walk = walker.walk(trial.trajectory, fulcrum_m=slide, start_s=trial.start_s, end_s=trial.end_s)
-    np.testing.assert_array_equal(outcome.arrays["fulcrum_m"], walk.fulcrum_m[1:])
-    np.testing.assert_array_equal(outcome.arrays["grf_W"], walk.prosthetic.grf_W)
-
-
-def test_kept_arrays_cannot_be_changed_by_accident(sweep):
-    [outcome] = simulate_many(sweep(1), workers=1)
-    with pytest.raises(ValueError, match="read-only"):
-        outcome.arrays["grf_W"][0] = 0.0
 
 
 class CountedWalker(Walker):
@@ -150,29 +117,6 @@ def test_threads_never_share_a_walker(counted, sweep):
     assert counted.clashes == 0 and counted.built <= 3 and counted.walked == 9
 
 
-def test_equal_members_are_walked_once(counted, sweep):
-    cases = sweep(2)
-    outcomes = simulate_many([*cases, replace(cases[0], label="again")], workers=1)
-    assert counted.walked == 2
-    np.testing.assert_array_equal(outcomes[0].arrays["grf_W"], outcomes[2].arrays["grf_W"])
-    assert outcomes[2].case.label == "again"
-
-
-def test_a_worker_gets_person_and_recording_once_and_not_once_a_task(monkeypatch, sweep):
-    monkeypatch.setattr(run, "_parts", type(run._parts)())
-    sent = []
-
-    class Noting(ThreadPoolExecutor):
-        def submit(self, fn, task):
-            sent.append(len(task.parts))
-            return super().submit(fn, task)
-
-    with Noting(1) as executor:
-        assert all(o.ok for o in simulate_many(sweep(6), executor=executor, workers=1))
-    assert sum(sent) <= 2 * 2  # two tasks may have been under way before the worker knew
-    assert sent.count(0) >= 5
-
-
 def test_energy_is_worked_out_only_when_asked_for(monkeypatch, sweep):
     def refuse(*_):
         raise AssertionError("nobody asked for it")
@@ -191,10 +135,6 @@ def test_misuse_is_refused_before_anything_runs(counted, sweep, options, word):
     with pytest.raises(InputError, match=word):
         simulate_many(**({"cases": sweep(1)} | options))
     assert counted.walked == 0
-
-
-def test_a_numpy_integer_is_a_number_of_workers(sweep):
-    assert simulate_many(sweep(1), workers=np.int64(1))[0].ok
 
 
 @pytest.fixture
@@ -224,16 +164,41 @@ def test_no_more_workers_are_started_than_there_are_walks_to_make(started, sweep
     assert started == [3, 2]
 
 
-@pytest.mark.parametrize("count", [0, -1, "2", 2.5, None, True])
-def test_no_pool_is_made_of_what_is_no_number_of_workers(count):
-    with pytest.raises(InputError, match="workers"):
-        ProcessWorkers(count)
-
-
-def test_no_cases_give_no_outcomes():
-    assert simulate_many([]) == []
-
-
 def test_a_pool_that_would_fork_is_refused(sweep):
     with ProcessPoolExecutor(1, mp_context=get_context("fork")) as forking, pytest.raises(InputError, match="fork"):
         simulate_many(sweep(1), executor=forking)
+
+
+HALF = SweepProgress(total=100, done=50, failed=1, from_cache=20, simulated=30, elapsed_s=10.0)
+
+
+def test_rate_counts_what_was_simulated_and_tells_the_time_left():
+    assert HALF.rate_per_s == pytest.approx(3.0)
+    assert HALF.left_s == pytest.approx(50 / 3.0)
+    assert str(HALF) == "50 of 100 walks (20 from the cache), 1 failed, 3.0 walks/s, 0:17 left"
+
+
+def test_lines_are_sparse_and_the_last_one_is_never_left_out():
+    now, lines = [0.0], []
+    show = sparse_lines(lines.append, clock=lambda: now[0])
+    for done in range(101):
+        now[0] = 1.0 * done
+        show(replace(HALF, done=done))
+    assert [int(line.split()[0]) for line in lines] == [0, *range(int(LINE_EVERY_S), 100, int(LINE_EVERY_S)), 100]
+
+
+def test_a_library_call_prints_nothing_and_true_prints_to_stderr(sweep, capsys):
+    simulate_many(sweep(2), workers=1)
+    assert capsys.readouterr() == ("", "")
+    simulate_many(sweep(2), workers=1, progress=True)
+    out, err = capsys.readouterr()
+    assert out == "" and "2 of 2 walks" in err
+
+
+def test_a_function_is_told_the_start_every_member_and_what_came_from_the_cache(sweep, tmp_path):
+    states = []
+    simulate_many(sweep(2), workers=1, cache=tmp_path)
+    simulate_many(sweep(4), workers=1, cache=tmp_path, progress=states.append)
+    assert states[-1].done == states[-1].total == 4
+    assert [s.simulated for s in states] == list(range(len(states)))
+    assert all(s.from_cache == states[0].from_cache for s in states)

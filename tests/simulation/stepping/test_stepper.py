@@ -1,4 +1,4 @@
-"""A step that does not converge is cut into pieces that cover it, down to a floor, and everything says so."""
+"""Steps that do not converge are cut into pieces that cover them; the same run with dynamics of Drake."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from cut_walks import SETTINGS, cut_walk, hard_walker, inputs_of
 
-from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, split_coordinates, step_room
+from vsf_drake.parameters import FootParameters
+from vsf_drake.simulation.bench import Bench
+from vsf_drake.simulation.mechanism import bench_mechanism
+from vsf_drake.simulation.stepping.assembly import split_coordinates, step_room
 from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS, step
 from vsf_drake.simulation.stepping.stepper import (
-    CHUNK,
     LEVELS,
     PARTS,
     Drive,
@@ -43,10 +43,6 @@ def cut(outcome):
     return accepted, tries
 
 
-def test_step_that_converges_is_one_piece():
-    assert cut(lambda done, size: True) == ([(0, PARTS)], [(0, PARTS, True)])
-
-
 def test_pieces_cover_a_step_without_gap_or_overlap_whatever_converges():
     rng = np.random.default_rng(0)
     for share in np.repeat([0.1, 0.5, 0.8, 0.95], 200):
@@ -57,19 +53,6 @@ def test_pieces_cover_a_step_without_gap_or_overlap_whatever_converges():
         assert len(accepted) <= PARTS
         assert all(PARTS % size == 0 and begin % size == 0 for begin, size in accepted)
         assert all(converged or size == 1 for begin, size, converged in tries if (begin, size) in accepted)
-
-
-def test_nothing_converges_down_to_the_floor_only():
-    accepted, tries = cut(lambda done, size: False)
-    assert accepted == [(i, 1) for i in range(PARTS)]
-    assert min(size for _, size, _ in tries) == 1
-    assert PARTS == 2**LEVELS
-
-
-def test_pieces_grow_again_as_soon_as_they_can():
-    """Hard only at the very beginning: 1, 1, 2, 4, 8, 16 of 32."""
-    accepted, _ = cut(lambda done, size: done > 0 or size == 1)
-    assert [size for _, size in accepted] == [1, *(2**i for i in range(LEVELS))]
 
 
 def test_pieces_are_small_only_where_it_is_hard():
@@ -154,19 +137,6 @@ def test_run_whose_steps_are_cut_is_a_run_on_the_grid_of_its_pieces(name):
         np.testing.assert_allclose(getattr(record, column), wanted, rtol=0.0, atol=1e-6 * np.abs(wanted).max())
 
 
-def test_cut_steps_took_more_than_newtons_method_may_and_the_others_less():
-    record = walked("catching").record
-    assert np.all(record.iterations[record.parts == 1] < MAX_ITERATIONS)
-    assert np.all(record.iterations[record.parts > 1] > MAX_ITERATIONS)
-    assert np.count_nonzero(record.parts > 1) < 0.02 * len(record.parts)
-
-
-def test_prescribed_coordinates_and_fulcrum_are_those_of_the_inputs_at_the_end_of_cut_steps():
-    walk = walked("catching")
-    inputs = inputs_of(walk, hard_walker(0)[0])
-    np.testing.assert_array_equal(walk.record.q[:, inputs.prescribed], inputs.prescribed_q[1:])
-
-
 def test_cut_steps_leave_the_method_first_order():
     """The impulse's error halves with the step, whether steps are cut (8, 4, 2 ms) or not (1 ms)."""
     fine_s = 6.25e-5
@@ -195,74 +165,6 @@ def test_step_that_converges_in_no_size_is_kept_and_counted():
     assert np.isfinite(record.q).all() and np.isfinite(record.sites).all()
 
 
-@pytest.mark.parametrize(("name", "said"), [
-    ("catching", ["{refined} of {steps} steps were cut into up to 4 pieces"]),
-    ("lost", ["1 of {steps} steps did not converge", "{refined} of {steps} steps were cut into up to 6 pieces"])])
-def test_result_says_how_many_steps_were_cut(name, said):
-    walk = walked(name)
-    walker, trial = hard_walker(SETTINGS[name][0])
-    result = walker.result(walk, trial, GeometricOffsets(), energy=False)
-    refined, steps = int(np.sum(walk.record.parts > 1)), len(walk.record.parts)
-    assert result.refined_steps == refined > 0
-    assert result.converged == (name == "catching")
-    notes = [note for note in result.notes if "steps" in note]
-    assert notes == [sentence.format(refined=refined, steps=steps) for sentence in said]
-
-
-def stopped(walker, time_s, *, stop_ratio):
-    """(stepper, inputs, q0) of the person in the air, the prosthesis falling against a stop of its socket."""
-    mechanism = gait_mechanism(walker.gait, walker.context)
-    tree, springs = mechanism.tree, np.array(mechanism.springs)
-    row = list(mechanism.spring_index).index(tree.index("socket_tz"))
-    springs[row, SPRING_COLUMNS.index("limit")] = 1e-3
-    springs[row, SPRING_COLUMNS.index("stop_ratio")] = stop_ratio
-    prescribed = np.array([tree.index(name) for name in (*walker.gait.prescribed, "fulcrum")])
-    held = np.zeros((len(time_s), len(prescribed)))
-    held[:, 1], held[:, -1] = 1000.0, 0.1
-    q0 = np.zeros(tree.num_coordinates)
-    q0[prescribed] = held[0]
-    inputs = Inputs(time_s=time_s, prescribed=prescribed, prescribed_q=held, fulcrum=held[:, -1],
-                    ground=np.zeros(len(time_s)))
-    return Stepper(dataclasses.replace(mechanism, springs=springs)), inputs, q0
-
-
-def test_stop_whose_rounding_is_too_large_for_a_whole_step_is_met_in_quarters(walker):
-    """The error that rounding leaves in an impulse shrinks with the step. In powers of 2 all times are exact, so that
-    a run of quarters gives the same bits as the cut steps."""
-    stepper, inputs, q0 = stopped(walker("right"), np.arange(401) / 1024, stop_ratio=10**11.5)
-    record = stepper.run(inputs, q0, np.zeros_like(q0))
-    assert record.converged.all()
-    assert np.count_nonzero(record.parts == 4) > 100
-    first = int(np.argmax(record.parts == 4))
-    while not np.all(record.parts[first : first + 10] == 4):
-        first += 1
-    held, inputs_4, _ = stopped(walker("right"), np.arange(41) / 4096, stop_ratio=10**11.5)
-    quarters = held.run(inputs_4, record.q[first - 1], record.v[first - 1])
-    np.testing.assert_array_equal(quarters.parts, 1)
-    np.testing.assert_array_equal(quarters.q[3::4], record.q[first : first + 10])
-    np.testing.assert_array_equal(quarters.v[3::4], record.v[first : first + 10])
-
-
-def test_stop_that_no_step_can_meet_reaches_the_floor_and_each_step_says_so(walker):
-    stepper, inputs, q0 = stopped(walker("right"), 1e-3 * np.arange(201), stop_ratio=1e16)
-    record = stepper.run(inputs, q0, np.zeros_like(q0))
-    assert np.count_nonzero(~record.converged) > 50
-    assert record.parts.max() == PARTS
-    assert np.all(record.parts[~record.converged] > LEVELS)
-    assert np.isfinite(record.q).all()
-
-
-def test_progress_and_early_end_count_steps_and_not_pieces():
-    walk = walked("catching")
-    inputs, record = inputs_of(walk, hard_walker(0)[0]), walk.record
-    said = []
-    short = Stepper(walk.mechanism).run(inputs, record.q0, record.v0, progress=said.append,
-                                        stop=lambda done, _: done >= 5 * CHUNK)
-    assert len(short.parts) == 5 * CHUNK and short.parts.max() > 1
-    np.testing.assert_array_equal(short.q, record.q[: 5 * CHUNK])
-    assert said == sorted(said) and said[-1] == pytest.approx(5 * CHUNK / len(record.parts))
-
-
 def test_advance_goes_on_where_it_stopped():
     """In two calls as in one, also when the first ends with a cut step."""
     walk = walked("landing")
@@ -274,3 +176,75 @@ def test_advance_goes_on_where_it_stopped():
     assert advance.signatures
     np.testing.assert_array_equal(later.q, record.q[first:])
     np.testing.assert_array_equal(later.parts, record.parts[first:])
+
+
+TOLERANCE = 1e-9
+"""Share of the largest number of a column that the two may differ by after hundreds of steps."""
+
+
+def both(mechanism, inputs, q0, v0):
+    """Records of the same run; the mechanism's Context must still hold the foot's place of its walk."""
+    return [Stepper(mechanism, dynamics=dynamics).run(inputs, q0, v0) for dynamics in ("compiled", "drake")]
+
+
+def stance_by_both(walker, trajectory, **options):
+    walk = walker.walk(trajectory, **{"fulcrum_m": 0.108, "start_s": 0.0, "end_s": 0.94, "step_s": 2e-3} | options)
+    inputs = inputs_of(walk, walker)
+    return inputs, *both(walk.mechanism, inputs, walk.record.q0, walk.record.v0)
+
+
+def assert_same(inputs, compiled, drake):
+    for name in ("q", "v", "sites", "fulcrum", "load"):
+        found, wanted = getattr(compiled, name), getattr(drake, name)
+        if name == "load":  # those of free coordinates are what Newton's method leaves of zero
+            found, wanted = found[:, inputs.prescribed], wanted[:, inputs.prescribed]
+        scale = np.abs(wanted).max(axis=tuple(range(wanted.ndim - 1)))
+        # A coordinate that hardly moves or bears nothing has the rounding of its neighbours.
+        floor = 1e-6 * scale.max()
+        assert np.all(np.abs(found - wanted) <= TOLERANCE * np.maximum(scale, floor)), name
+    np.testing.assert_array_equal(compiled.parts, drake.parts)
+    np.testing.assert_array_equal(compiled.converged, drake.converged)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_whole_stance_is_the_same(walker, motion, side):
+    inputs, compiled, drake = stance_by_both(walker(side), motion(side))
+    assert np.abs(compiled.site("normal_force")).max() > 100.0
+    for name in ("pelvis_ty", "hip_flexion_r", "knee_angle_l", "ankle_angle_l" if side == "right" else "ankle_angle_r"):
+        column = walker(side).gait.prescribed.index(name)
+        assert np.abs(drake.load[:, inputs.prescribed[column]]).max() > 0.1
+    assert_same(inputs, compiled, drake)
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_walk_with_steps_that_are_cut_is_the_same(name):
+    walk = cut_walk(name)
+    inputs, record = inputs_of(walk, hard_walker(SETTINGS[name][0])[0]), walk.record
+    compiled, drake = both(walk.mechanism, inputs, record.q0, record.v0)
+    assert compiled.parts.max() > 1
+    assert compiled.converged.all() == (name != "lost")
+    assert_same(inputs, compiled, drake)
+
+
+@pytest.mark.parametrize("heel", [False, True])
+def test_bench_is_the_same(heel):
+    """Its platen moves, and all joints but the carriage are free."""
+    bench = Bench(FootParameters(), heel=heel)
+    mechanism = bench_mechanism(bench.bench, bench.context)
+    carriage = mechanism.tree.index(bench.bench.foot.carriage_joint_name)
+    time = np.linspace(0.0, 0.5, 201)
+    inputs = Inputs(time_s=time, prescribed=np.array([carriage]), prescribed_q=np.full((201, 1), 0.108),
+                    fulcrum=np.full(201, 0.108), ground=bench.bench.contact_height + 0.01 * time)
+    q0 = np.zeros(mechanism.tree.num_coordinates)
+    q0[carriage] = 0.108
+    compiled, drake = both(mechanism, inputs, q0, np.zeros_like(q0))
+    assert compiled.site("normal_force")[-1].sum() > 10.0
+    assert_same(inputs, compiled, drake)
+
+
+def test_settling_is_the_same(walker, motion):
+    walk = walker("right").walk(motion("right"), fulcrum_m=0.108, start_s=0.3, end_s=0.302)
+    inputs = inputs_of(walk, walker("right"))
+    rest = [Stepper(walk.mechanism, dynamics=dynamics).settle(inputs, walk.record.q0)[0]
+            for dynamics in ("compiled", "drake")]
+    np.testing.assert_allclose(rest[0], rest[1], rtol=0.0, atol=1e-9)

@@ -1,20 +1,24 @@
-"""What happens when a worker process is killed, cannot read its task, or has no memory."""
+"""Worker processes that are killed, interrupted, cannot read a task, or start in a hostile folder."""
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import subprocess
+import sys
 import threading
 import time
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from deadly import Deadly, Unreadable
+from kills import gone_soon, session_of
 
 from vsf_drake.simulation.many import WalkCase, processes, run, simulate_many
+from vsf_drake.simulation.many.processes import ProcessWorkers
 
 
 def children() -> list[int]:
@@ -104,21 +108,6 @@ def test_a_sweep_that_is_over_does_not_wait_for_workers_that_still_start(monkeyp
     assert children() == before
 
 
-@pytest.mark.slow
-def test_one_pool_serves_many_sweeps_with_the_same_processes(sweep, assert_same):
-    before = set(children())
-    with processes.ProcessWorkers(2) as pool:
-        pool.start()
-        first = simulate_many(sweep(5), executor=pool, workers=2)
-        served = set(children()) - before
-        second = simulate_many(sweep(5), executor=pool, workers=2)
-        assert len(served) == 2 and set(children()) - before == served
-    assert set(children()) == before
-    assert_same(first, second)
-    with pytest.raises(RuntimeError):
-        pool.submit(len, ())
-
-
 def test_workers_that_cannot_start_end_the_sweep_with_a_message(monkeypatch, sweep, capfd):
     monkeypatch.setattr(processes, "_CODE", "import sys; sys.exit('no such library')  # {path} {descriptor}")
     with pytest.raises(processes.WorkerStartError, match="exit code 1"):
@@ -139,24 +128,6 @@ def test_what_the_machine_did_is_tried_twice_and_not_cached(monkeypatch, sweep, 
     assert len(tried) == 2
     assert type(error).__name__ in outcome.failure and "tried 2 times" in outcome.failure
     assert len(list(tmp_path.rglob("*.npz"))) == kept
-
-
-def test_an_executor_that_breaks_fails_what_it_did_not_do(sweep):
-    class Breaking(Executor):
-        left = 2
-
-        def submit(self, fn, /, *args):
-            future = Future()
-            if self.left == 0:
-                raise BrokenProcessPool("a process died")
-            self.left -= 1
-            future.set_result(fn(*args)) if self.left else future.set_exception(BrokenProcessPool("a process died"))
-            return future
-
-    simulate_many(sweep(1), workers=1)  # so that this process knows person and recording
-    outcomes = simulate_many(sweep(5), executor=Breaking(), workers=1)
-    assert [o.ok for o in outcomes] == [True, False, False, False, False]
-    assert all("no more work" in o.failure for o in outcomes[1:])
 
 
 def test_an_executor_that_is_shut_down_during_the_sweep_fails_what_it_did_not_do(sweep):
@@ -195,3 +166,142 @@ def test_a_worker_with_other_software_is_refused(monkeypatch, sweep):
     monkeypatch.setattr(run, "software", lambda: {"drake": "0.1"})
     [outcome] = simulate_many(sweep(1), workers=1)
     assert "drake 0.1 instead of" in outcome.failure
+
+
+SWEEP = """
+print("-1")  # once: `multiprocessing` would run a script without a main guard again in each of its processes
+import signal
+import sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # tests that run in the background ignore it
+from dataclasses import replace
+from vsf_drake.analysis.validation import embedded_trials
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.simulation.many import WalkCase, simulate_many
+trial = load_trial(embedded_trials("exact")[0])
+trial = replace(trial, start_s=0.45, end_s=0.65)
+cases = [WalkCase(trial=trial, fulcrum_m=0.07 + 1e-3 * i) for i in range(60)]
+outcomes = simulate_many(cases, workers=2, cache=sys.argv[1], progress=lambda state: print(state.done, flush=True))
+print("simulated", sum(not o.from_cache for o in outcomes), "failed", sum(not o.ok for o in outcomes))
+"""
+
+
+def started(script: Path, *words: object) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, script, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            text=True, start_new_session=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("whom", ["the script", "its whole terminal"])
+def test_ctrl_c_leaves_no_process_and_a_sweep_that_goes_on(tmp_path, whom):
+    script, cache = tmp_path / "sweep.py", tmp_path / "cache"
+    script.write_text(SWEEP)
+    first = started(script, cache)
+    for line in first.stdout:
+        if int(line) >= 10:
+            break
+    assert len(session_of(first.pid)) == 2  # the script is one of the two workers
+    (os.kill if whom == "the script" else os.killpg)(first.pid, signal.SIGINT)
+    _, errors = first.communicate(timeout=60)
+    assert first.returncode != 0
+    assert errors.strip().endswith("KeyboardInterrupt") and errors.count("Traceback") == 1
+    assert gone_soon(first.pid)
+    kept = list(cache.rglob("*.npz"))
+    assert 10 <= len(kept) < 60
+    assert {p for p in cache.rglob("*") if p.is_file()} == set(kept)
+    again = started(script, cache)
+    output, errors = again.communicate(timeout=120)
+    assert again.returncode == 0, errors
+    assert output.splitlines()[-1] == f"simulated {60 - len(kept)} failed 0"
+    assert output.splitlines().count("-1") == 1
+    assert gone_soon(again.pid)
+
+
+@pytest.mark.slow
+def test_workers_do_not_outlive_a_parent_that_was_killed(tmp_path):
+    script = tmp_path / "sweep.py"
+    script.write_text(SWEEP)
+    parent = started(script, tmp_path / "cache")
+    for line in parent.stdout:
+        if int(line) >= 4:
+            break
+    parent.kill()
+    parent.communicate(timeout=60)
+    assert gone_soon(parent.pid)
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_of_two_processes_gives_the_same_numbers(sweep, assert_same):
+    distributed = pytest.importorskip("distributed", reason="pip install 'vsf-drake[cluster]'")
+    cases = sweep(10)
+    cases[4] = type(cases[4])(trial=cases[4].trial, values={"nonsense": 1.0})
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with (distributed.LocalCluster(**options) as cluster,
+          distributed.Client(cluster) as client):
+        outcomes = simulate_many(cases, executor=client.get_executor(), workers=2)
+        pids = client.run(os.getpid)
+    assert len(set(pids.values()) - {os.getpid()}) == 2
+    assert [o.ok for o in outcomes] == [i != 4 for i in range(10)]
+    assert_same(outcomes, simulate_many(cases, workers=1))
+
+
+HOSTILE = ("signal", "numpy", "vsf_drake", "yaml", "scipy", "numba", "gc", "matplotlib", "usercustomize", "evil")
+LOADED = """
+import sys
+from pathlib import Path
+from vsf_drake.cli import main
+import vsf_drake.analysis.contact_fit, vsf_drake.report.outputs, vsf_drake.report.style as style
+style.save_figure(style.new_figure(1, 1), Path(sys.argv[1], "empty"))
+sys.argv = ["vsf-drake", "--version"]
+main()
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """One in which every file that could be taken for another leaves a mark."""
+    place = tmp_path / "downloaded"
+    place.mkdir()
+    for name in HOSTILE:
+        (place / f"{name}.py").write_text(f"open({str(tmp_path / 'marks')!r}, 'a').write('{name} ')", encoding="utf-8")
+    (place / "matplotlibrc").write_text("backend: module://evil\ntext.usetex: True\n", encoding="utf-8")
+    (place / ".numba_config.yaml").write_text("cache_dir: machine_code\n", encoding="utf-8")
+    return place
+
+
+def marks(folder):
+    path = folder.parent / "marks"
+    return path.read_text(encoding="utf-8") if path.exists() else ""
+
+
+@pytest.mark.parametrize("entry", ["", "its name"])
+def test_a_worker_imports_nothing_from_the_current_folder_but_what_is_nowhere_else(folder, monkeypatch, entry):
+    """As in a notebook, whose path begins with the current folder, and whose own modules lie there."""
+    (folder / "own_module_of_a_user.py").write_text("def twice(x):\n    return 2 * x\n", encoding="utf-8")
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "path", [entry and str(folder), *sys.path])
+    twice = importlib.import_module("own_module_of_a_user").twice
+    with ProcessWorkers(1) as pool:
+        assert pool.submit(abs, -1).result() == 1
+        assert pool.submit(twice, 2).result() == 4
+    assert marks(folder) == ""
+
+
+def test_a_worker_of_a_checkout_that_is_not_installed_takes_the_same_package(tmp_path, monkeypatch):
+    """Its parent has found it in the current folder."""
+    import vsf_drake  # noqa: PLC0415
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "vsf_drake").mkdir()
+    (tmp_path / "vsf_drake" / "__init__.py").write_text("raise SystemExit(3)", encoding="utf-8")
+    home = str(vsf_drake.__path__[0]).removesuffix("/vsf_drake")
+    monkeypatch.setattr(sys, "path", ["", *(entry for entry in sys.path if entry != home)])
+    with ProcessWorkers(1) as pool:
+        assert pool.submit(eval, "__import__('vsf_drake').__file__").result() == vsf_drake.__file__
+
+
+def test_settings_that_lie_in_the_current_folder_run_nothing(folder):
+    done = subprocess.run([sys.executable, "-P", "-c", LOADED, folder.parent], cwd=folder, capture_output=True,
+                          text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert marks(folder) == ""
+    assert not (folder / "machine_code").exists()

@@ -1,0 +1,103 @@
+"""Members of a sweep: sampled values, and one that cannot be walked is one refused outcome that names the field."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vsf_drake.errors import InputError
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.simulation.many import WalkCase, grid_values, sample_values, simulate_many
+from vsf_drake.simulation.stepping.ways import Edit
+from vsf_drake.simulation.variables import Variable
+
+
+def fails(_):
+    raise ZeroDivisionError("mine")
+
+
+UNUSABLE = {
+    "too few": ({"fulcrum_m": lambda t: [0.1, 0.1]}, "fulcrum_m: gives float64 numbers of shape (2,)"),
+    "nothing": ({"fulcrum_m": lambda t: None}, "fulcrum_m"), "complex": ({"fulcrum_m": 0.1 + 0j}, "fulcrum_m"),
+    "raising": ({"fulcrum_m": fails}, "fulcrum_m: the function raises ZeroDivisionError: mine"),
+    "no values": ({"values": None}, "values: None is no mapping"),
+    "value too large": ({"values": {"offset.height": 10**400}}, "values['offset.height']"),
+    "value beyond printing": ({"values": {"offset.height": 10**5000}}, "values['offset.height']"),
+    "offsets a word": ({"offsets": "x"}, "offsets: 'x'"),
+    "offset a word": ({"offsets": GeometricOffsets(height_m="x")}, "offsets.height_m"),
+    "no free": ({"free": None}, "free: None is no sequence of names"),
+    "free a word": ({"free": "pelvis_ty"}, "free: 'pelvis_ty' is one name, not a sequence of names. Give ("),
+    "steps too short": ({"step_s": 1e-12}, "step_s"), "step a word": ({"step_s": "short"}, "step_s")}
+
+
+@pytest.mark.parametrize("held", UNUSABLE)
+def test_a_member_that_holds_what_cannot_be_walked_is_refused_by_the_fields_name(trial, walks, held):
+    fields, word = UNUSABLE[held]
+    [outcome] = simulate_many([WalkCase(trial=trial, label="odd", **fields)], workers=1)
+    assert not outcome.ok and not walks
+    assert word in outcome.failure and "odd" in outcome.failure and trial.name in outcome.failure
+    assert len(outcome.failure) < 500
+
+
+@pytest.mark.parametrize("given", [None, "walk", 3])
+def test_what_is_no_trial_is_refused_before_anything_runs(sweep, walks, given):
+    with pytest.raises(InputError, match=f"member 1 is a {type(given).__name__}, no Trial"):
+        simulate_many([*sweep(1), WalkCase(trial=given)], workers=1)
+    assert not walks
+
+
+def test_a_function_may_return_one_number_a_list_or_an_array(trial):
+    outcomes = simulate_many([WalkCase(trial=trial, fulcrum_m=f) for f in (
+        lambda t: 0.1, lambda t: [0.1] * len(t), lambda t: np.full(t.shape, 0.1))], keep=["fulcrum_m"], workers=1)
+    for outcome in outcomes:
+        np.testing.assert_array_equal(outcome.arrays["fulcrum_m"], 0.1)
+
+
+def test_nobody_can_put_other_arrays_into_an_outcome(sweep):
+    [outcome] = simulate_many(sweep(1), workers=1)
+    with pytest.raises(TypeError):
+        outcome.arrays["grf_W"] = np.zeros(3)
+    with pytest.raises(AttributeError):
+        outcome.arrays.clear()
+
+
+VARIABLES = {
+    "stiffness": Variable("stiffness", "N/m", 1e4, 1e3, 1e5, 1.0, Edit()),
+    "height": Variable("height", "m", 0.0, -0.02, 0.06, -1.0, Edit(), added=True)}
+
+
+def test_grid_holds_every_combination_with_the_last_axis_fastest():
+    assert grid_values({"a": [1, 2], "b": [3, 4]}) == [
+        {"a": 1, "b": 3}, {"a": 1, "b": 4}, {"a": 2, "b": 3}, {"a": 2, "b": 4}]
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 100])
+def test_each_slice_of_each_range_is_met_once(count):
+    found = sample_values(VARIABLES, ["stiffness", "height"], count, seed=3)
+    share = {"stiffness": np.log([v["stiffness"] / 1e3 for v in found]) / np.log(100.0),
+             "height": (np.array([v["height"] for v in found]) + 0.02) / 0.08}
+    for values in share.values():
+        assert sorted(np.floor(count * values)) == list(range(count))
+
+
+def test_the_seed_decides_and_variables_are_independent():
+    first, again, other = (sample_values(VARIABLES, list(VARIABLES), 500, seed=s) for s in (1, 1, 2))
+    assert first == again != other
+    columns = np.array([list(v.values()) for v in first])
+    assert abs(np.corrcoef(np.log(columns[:, 0]), columns[:, 1])[0, 1]) < 4 / np.sqrt(500)
+
+
+@pytest.mark.parametrize(("names", "count", "word"), [
+    (["weight"], 3, "no variable 'weight'"), (["height", "height"], 3, "stands twice"), (["height"], 0, "none"),
+    ([], 3, "none")])
+def test_unknown_doubled_and_no_variables_are_refused(names, count, word):
+    with pytest.raises(InputError, match=word):
+        sample_values(VARIABLES, names, count, seed=0)
+
+
+@pytest.mark.parametrize(("names", "count", "seed", "word"), [
+    (["height"], 3.5, 0, "count: 3.5"), (["height"], "3", 0, "count"), (["height"], 3, -1, "seed: -1"),
+    (["height"], 3, 0.5, "seed: 0.5"), ("height", 3, 0, "no list of names"), ([["height"]], 3, 0, "no variable")])
+def test_what_is_no_count_seed_or_name_is_refused(names, count, seed, word):
+    with pytest.raises(InputError, match=word):
+        sample_values(VARIABLES, names, count, seed=seed)

@@ -1,0 +1,365 @@
+"""The sagittal model against the plant it is read from, statics in closed form, smooth laws, and its derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from pydrake.multibody.tree import BodyIndex, MultibodyForces
+
+from vsf_drake.analysis.tuning.level2.stride import quasi_static_motion
+from vsf_drake.errors import InputError
+from vsf_drake.laws import bushing, kelvin_voigt, stick_slip
+from vsf_drake.laws.smooth_contact import rounded_positive_part
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.parameters import ModelParameters
+from vsf_drake.simulation.sagittal.linearise import linearise
+from vsf_drake.simulation.sagittal.model import (
+    DESIGN,
+    IMAGINARY_STEP,
+    STOP_WIDTH,
+    SUPPORT_WIDTH,
+    TENSION_WIDTH,
+    SagittalModel,
+    Smoothing,
+    friction_coefficient,
+    normal,
+    normal_force,
+    positive_part_integral,
+    spring_forces,
+    touch,
+)
+from vsf_drake.simulation.walk import Walker
+
+SHARP = Smoothing(depth_m=1e-6, rate_m_per_s=1e-6, friction_velocity_m_per_s=1e-6)
+
+
+def spheres_of(walker, foot):
+    return walker.gait.person.foot.sites if foot == "prosthetic" else walker.gait.person.intact_sites
+
+
+def test_inverse_dynamics_are_the_plants(person, drawn, plant_state):
+    """Gravity included; nothing else acts."""
+    walker, model = person
+    at = drawn(model, 12, seed=1)
+    motion = model.motion(*at.all)
+    found = model.dynamics.joint_forces(motion, model.dynamics.of_carried(model.dynamics.inertial(motion)))
+    plant = walker.gait.plant
+    for i in range(12):
+        context, indices = plant_state(walker, model, at, i)
+        forces, acceleration = MultibodyForces(plant), np.zeros(plant.num_velocities())
+        plant.CalcForceElementsContribution(context, forces)
+        acceleration[indices[:8]] = at.a[:, i]
+        known = plant.CalcInverseDynamics(context, acceleration, forces)
+        np.testing.assert_allclose(found[:20, i], known[indices], atol=1e-12 * np.abs(known).max())
+
+
+def test_ground_acts_as_the_laws_say_on_the_plants_spheres(person, drawn, plant_state):
+    """Slow enough that friction sticks: its fall beyond the threshold is not in the smooth law."""
+    walker, model = person
+    at = drawn(model, 12, seed=2, speed=0.01)
+    at.p[1] = 1.0
+    y = dict(zip(model.outputs, model.evaluate(*at.all, SHARP), strict=True))
+    plant, loaded = walker.gait.plant, 0
+    for i in range(12):
+        context, _ = plant_state(walker, model, at, i)
+        for foot in ("prosthetic", "intact"):
+            sites = spheres_of(walker, foot)
+            wrench = np.zeros(3)
+            for index, p, radius, k, n, b, full in zip(
+                    sites.body_indices, sites.p_BS, sites.radius, sites.stiffness, sites.exponent, sites.damping,
+                    sites.full_damping_depth, strict=True):
+                body = plant.get_body(BodyIndex(int(index)))
+                X_WB, V_WB = body.EvalPoseInWorld(context), body.EvalSpatialVelocityInWorld(context)
+                x, _, z = X_WB @ p
+                velocity = V_WB.translational() + np.cross(V_WB.rotational(), X_WB.rotation() @ p)
+                slip = velocity[0] - V_WB.rotational()[1] * radius
+                fz = float(kelvin_voigt.normal_force(max(radius - z, 0.0), -velocity[2], stiffness=k, exponent=n,
+                                                     damping=b, full_damping_depth=full))
+                assert abs(slip) < 0.08 or fz == 0.0
+                fx = stick_slip.friction_force(
+                    np.array([slip, 0.0]), fz, mu_static=0.5, mu_kinetic=0.3, threshold_velocity=0.1)[0]
+                wrench += [fx, fz, (z - radius) * fx - x * fz]
+            found = np.array([y[f"{foot}_{part}"][i] for part in ("fx", "fz", "my")])
+            # A micrometre at some 1e6 N/m in all.
+            np.testing.assert_allclose(found, wrench, atol=1.0)
+            loaded += wrench[1] > 100.0
+    assert loaded >= 8
+
+
+def test_power_below_the_shank_is_that_of_the_ground_at_the_shanks_point_over_it(person, drawn, plant_state):
+    """At the centre of pressure the ground has a force and no moment."""
+    walker, model = person
+    at = drawn(model, 12, seed=3)
+    y = dict(zip(model.outputs, model.evaluate(*at.all, Smoothing()), strict=True))
+    shank = walker.gait.plant.GetBodyByName(f"shank_{walker.subject.prosthetic_side}")
+    tested = 0
+    for i in range(12):
+        fx, fz, my = (y[f"prosthetic_{part}"][i] for part in ("fx", "fz", "my"))
+        if fz < 50.0:
+            continue
+        context, _ = plant_state(walker, model, at, i)
+        X_WS, V_WS = shank.EvalPoseInWorld(context), shank.EvalSpatialVelocityInWorld(context)
+        cop = np.array([-my / fz, 0.0, 0.0])
+        v = V_WS.translational() + np.cross(V_WS.rotational(), cop - X_WS.translation())
+        assert y["prosthesis_power"][i] == pytest.approx(fx * v[0] + fz * v[2], rel=1e-9, abs=1e-9)
+        tested += 1
+    assert tested >= 5
+
+
+def test_prosthesis_turned_out_of_the_plane_is_refused(walker):
+    subject = replace(walker("right").subject, prosthesis_toe_out_rad=0.1)
+    with pytest.raises(InputError, match=r"turned out of the sagittal plane by 5\.7 deg"):
+        SagittalModel(Walker(subject, ModelParameters()))
+
+
+OWN = np.array([0.108, 1.0, 0.0, 1.0])
+
+
+def weightless(walker) -> SagittalModel:
+    model = SagittalModel(walker)
+    model.dynamics.gravity = 0.0
+    return model
+
+
+def test_what_a_person_at_rest_lacks_is_weight_less_ground(person, drawn, plant_state):
+    """Action equals reaction: forces, and moments about the pelvis with the plant's centre of mass."""
+    walker, model = person
+    at = drawn(model, 10, seed=20, speed=0.0)
+    y = dict(zip(model.outputs, model.evaluate(*at.all, Smoothing()), strict=True))
+    plant = walker.gait.plant
+    for i in range(10):
+        context, _ = plant_state(walker, model, at, i)
+        weight = plant.CalcTotalMass(context) * 9.81
+        fx, fz, my = (sum(y[f"{foot}_{part}"][i] for foot in ("prosthetic", "intact")) for part in ("fx", "fz", "my"))
+        com = plant.CalcCenterOfMassPositionInWorld(context)
+        assert y["balance_pelvis_ty"][i] == pytest.approx(weight - fz, abs=1e-9)
+        assert y["balance_pelvis_tx"][i] == pytest.approx(-fx, abs=1e-9)
+        px, pz = at.q[1, i], at.q[2, i]
+        need = -((com[0] - px) * weight + my - (pz * fx - px * fz))
+        axis = plant.GetJointByName("pelvis_tilt").revolute_axis()[1]
+        assert y["balance_pelvis_tilt"][i] == pytest.approx(axis * need, abs=1e-9)
+
+
+@pytest.mark.parametrize("hip", [0.25, 0.0, -0.3])
+def test_what_the_ground_does_in_pressing_slowly_is_stored(walker, hip):
+    """Onto the heel, flat, and onto the forefoot, without weight: work by the trapezoidal rule, of second order."""
+    model, smoothing, count = weightless(walker("right")), Smoothing(depth_m=0.002), 401
+    q = np.zeros((8, count))
+    q[3], q[6] = hip, -1.2
+    q[2] = 1.5
+    still = np.zeros_like(q)
+    above = model.evaluate(q, still, still, *np.zeros((2, 12, count)), np.repeat(OWN[:, None], count, 1), smoothing)
+    q[2] -= above[model.outputs.index("prosthetic_sole"), 0] + np.linspace(-0.012, 0.025, count)
+    w, u = quasi_static_motion(model, q, still, still, OWN, sp.csr_matrix((count, count)), smoothing)
+    p = np.repeat(OWN[:, None], count, 1)
+    at = touch(model.spheres, model.motion(q, still, still, w, u, p), model.ground)
+    fz = normal(model.spheres, at.depth, -at.vz, p[1], smoothing)
+    lift = at.z - q[2]
+    work = 0.5 * ((fz[:, 1:] + fz[:, :-1]) * np.diff(lift, axis=1)).sum(axis=0)
+    y = model.evaluate(q, still, still, w, u, p, smoothing)
+    stored = y[model.outputs.index("stored_energy")]
+    assert y[model.outputs.index("prosthetic_fz")].max() > 200.0
+    np.testing.assert_allclose(np.cumsum(work), stored[1:] - stored[0], atol=2e-4 * stored.max())
+
+
+def same(person, drawn, p, other, p_other):
+    _, model = person
+    at = drawn(model, 10, seed=30)
+    at.p[0], at.p[1:] = 0.108, np.array([1.0, 0.0, 1.0])[:, None]
+    mine, theirs = at.p.copy(), at.p.copy()
+    mine[DESIGN.index(p[0])], theirs[DESIGN.index(p_other[0])] = p[1], p_other[1]
+    found = model.evaluate(*at.all[:5], mine, Smoothing())
+    known = other.evaluate(*at.all[:5], theirs, Smoothing())
+    np.testing.assert_allclose(found, known, rtol=1e-12, atol=1e-9)
+    plain = model.evaluate(*at.all, Smoothing())
+    assert np.abs(found - plain).max() > 1.0
+
+
+def changed(person, values=None, **offsets):
+    walker, _ = person
+    own = {"height_m": 0.004, "fore_aft_m": -0.006, "alignment_rad": 0.03} | offsets
+    return SagittalModel(walker, offsets=GeometricOffsets(**own), values=values)
+
+
+def test_heel_stiffness_is_that_of_all_zones_at_the_heel(person, drawn):
+    walker, _ = person
+    zones = [name for name in walker.gait.person.foot.sites.zone_names if name.startswith("heel")]
+    assert len(zones) == 3
+    values = {f"contact.{zone}.stiffness": 1.7 * walker.variables[f"contact.{zone}.stiffness"].default
+              for zone in zones}
+    same(person, drawn, ("heel_stiffness", 1.7), changed(person, values), ("heel_stiffness", 1.0))
+
+
+def test_alignment_turns_the_foot_on_its_mount(person, drawn):
+    same(person, drawn, ("alignment_rad", -0.05), changed(person, alignment_rad=-0.02), ("alignment_rad", 0.0))
+
+
+def test_thickness_bends_as_its_cube(person, drawn):
+    """As a modulus that is so much higher, with the joints' damping in proportion."""
+    walker, _ = person
+    values = {"keel.flexural_modulus": 1.25**3 * walker.variables["keel.flexural_modulus"].default}
+    same(person, drawn, ("keel_thickness", 1.25), changed(person, values), ("keel_thickness", 1.0))
+
+
+def test_shift_of_the_fulcrum_adds_to_its_position(person, drawn):
+    same(person, drawn, ("fulcrum_m", 0.125), changed(person, {"fulcrum.shift": 0.01}), ("fulcrum_m", 0.115))
+
+
+SMOOTHINGS = [Smoothing(depth_m=0.002), Smoothing(depth_m=0.01, friction_velocity_m_per_s=0.5, damping=0.0)]
+SIZES = (8, 8, 8, 12, 12, 4)
+
+
+def stepped(at, steps):
+    """The arguments (n, 52, N), each changed by its own of `steps` (52,)."""
+    wide = np.repeat(np.concatenate(at.all)[:, None], sum(SIZES), 1).astype(np.result_type(steps))
+    every = np.arange(sum(SIZES))
+    wide[every, every] += steps[:, None]
+    return np.split(wide, np.cumsum(SIZES)[:-1])
+
+
+@pytest.mark.parametrize("smoothing", SMOOTHINGS)
+def test_closed_form_is_that_of_complex_steps(person, drawn, smoothing):
+    _, model = person
+    at = drawn(model, 40, seed=4)
+    values, by = linearise(model, *at.all, smoothing)
+    known = model.evaluate(*stepped(at, np.full(sum(SIZES), 1j * IMAGINARY_STEP)), smoothing).imag / IMAGINARY_STEP
+    plain = model.evaluate(*at.all, smoothing)
+    np.testing.assert_allclose(values, plain, atol=1e-12 * np.abs(plain).max())
+    largest = np.abs(known).max(axis=(1, 2), keepdims=True)
+    assert (np.abs(by - known) / largest).max() < 1e-12
+
+
+@pytest.mark.parametrize("smoothing", SMOOTHINGS)
+def test_derivatives_are_those_of_central_differences(person, drawn, smoothing):
+    """Off by h^2 / 6 of the third derivative, of some 1 / width^2, over smooth corners no narrower than 0.2 mm."""
+    _, model = person
+    at = drawn(model, 6, seed=5)
+    by = linearise(model, *at.all, smoothing)[1]
+    h = 1e-6 * np.repeat([1.0, 10.0, 10.0, 0.1, 1.0, 0.1], SIZES)
+    more, less = (model.evaluate(*stepped(at, sign * h), smoothing) for sign in (1.0, -1.0))
+    known = (more - less) / (2.0 * h[:, None])
+    largest = np.abs(known).max(axis=2, keepdims=True) + 1e-3 * np.abs(known).max(axis=(1, 2), keepdims=True)
+    assert (np.abs(by - known) / largest).max() < 1e-4
+
+
+def turns(model, count, seed):
+    return 0.08 * np.random.default_rng(seed).standard_normal((len(model.support.starts), count))
+
+
+def test_deflection_is_the_height_of_the_plants_keel_at_the_fulcrum(person, drawn, plant_state):
+    walker, model = person
+    at, starts, foot, plant = drawn(model, 30, seed=7), model.support.starts, walker.gait.person.foot, walker.gait.plant
+    for i in range(30):
+        context, _ = plant_state(walker, model, at, i)
+        position = at.p[0, i]
+        keel = foot.keel_body_at(position)
+        point = plant.CalcPointsPositions(context, foot.keel[keel].body_frame(), [position - starts[keel], 0.0, 0.0],
+                                          foot.frame.body_frame())
+        found = model.support.deflection(at.w[3:, i], position)[0]
+        far = np.abs(position - starts[1:]).min() > SUPPORT_WIDTH
+        near = 0.09 * SUPPORT_WIDTH * np.abs(at.w[3:, i]).max()
+        assert found == pytest.approx(point[2, 0], abs=1e-15 if far else near)
+
+
+def test_everything_has_one_derivative_by_the_fulcrum_at_and_around_a_joint(person, drawn):
+    """Two instants d = 2e-9 m apart see the same derivatives, but for d / width of the largest of the keel's joints."""
+    _, model = person
+    at = drawn(model, 10, seed=9)
+    keel = [name.startswith("balance_keel") for name in model.outputs]
+    by_fulcrum = 3 * 8 + 2 * 12
+    for start in model.support.starts[3:6]:
+        for edge in (-SUPPORT_WIDTH, 0.0, SUPPORT_WIDTH):
+            by = []
+            for side in (-1e-9, 1e-9):
+                at.p[0] = start + edge + side
+                by.append(linearise(model, *at.all, Smoothing())[1][:, by_fulcrum])
+            largest = np.abs(by[0]).max(axis=1) + 1e-9
+            largest[keel] = largest[keel].max()
+            assert (np.abs(by[1] - by[0]).max(axis=1) / largest).max() < 10.0 * 2e-9 / SUPPORT_WIDTH
+
+
+def test_support_gives_back_what_is_stored_in_it(person):
+    """Its load on the keel's joints is the slope of its energy; its damping takes rate squared."""
+    _, model = person
+    w = turns(model, 20, seed=11)
+    u, position = turns(model, 20, seed=12), np.linspace(0.066, 0.151, 20)
+    support = model.support
+    elastic = support.load(w, 0.0 * u, position)[0]
+    for i in range(len(w)):
+        step = np.zeros_like(w, dtype=complex)
+        step[i] = 1j * IMAGINARY_STEP
+        slope = support.load(w + step, u, position)[1].imag / IMAGINARY_STEP
+        np.testing.assert_allclose(elastic[i], slope, atol=1e-12 * np.abs(elastic).max())
+    rate = (support.deflection(w + 1e-7 * u, position)[0] - support.deflection(w - 1e-7 * u, position)[0]) / 2e-7
+    lost = ((support.load(w, u, position)[0] - elastic) * u).sum(axis=0)
+    np.testing.assert_allclose(lost, support.damping * rate**2, rtol=1e-6, atol=1e-9)
+
+
+CORNER = np.linspace(-3.0, 3.0, 6001)
+CONTACT = {"stiffness": 3e4, "exponent": 1.3, "damping": 300.0, "full_damping_depth": 1e-3}
+FRICTION = {"mu_static": 0.5, "mu_kinetic": 0.3, "threshold_velocity": 0.1}
+
+
+def slope(law, x):
+    return law(x + 1j * IMAGINARY_STEP).imag / IMAGINARY_STEP
+
+
+def test_integral_is_that_of_the_corner():
+    np.testing.assert_allclose(
+        slope(lambda x: positive_part_integral(x, 0.7), CORNER), rounded_positive_part(CORNER, 0.7), atol=1e-15)
+    assert positive_part_integral(np.array([-0.7]), 0.7)[0] == 0.0
+
+
+@pytest.mark.parametrize("depth_m", [1e-2, 1e-3, 1e-5])
+@pytest.mark.parametrize("rate_m_per_s", [0.1, 0.01])
+def test_normal_force_is_too_large_by_no_more_than_its_corners_give(depth_m, rate_m_per_s):
+    """Depth is at most e = 3/16 of the width too large, closing rate f = 3/16 of its own, and the step that brings
+    the damping in has slope 3/2: k ((d + e)^n - d^n) + b (f + 3/2 e / full (rate + f)), without limits of both."""
+    depth, rate = np.meshgrid(np.linspace(-0.02, 0.03, 401), np.linspace(-0.5, 0.5, 201))
+    found = normal_force(depth, rate, **CONTACT, smoothing=Smoothing(depth_m=depth_m, rate_m_per_s=rate_m_per_s))
+    into, closing = np.maximum(depth, 0.0), np.maximum(rate, 0.0)
+    error = found - kelvin_voigt.normal_force(into, rate, **CONTACT)
+    e, f, n = 3.0 / 16.0 * depth_m, 3.0 / 16.0 * rate_m_per_s, CONTACT["exponent"]
+    elastic = CONTACT["stiffness"] * ((into + e) ** n - into**n)
+    damped = CONTACT["damping"] * (f + np.minimum(1.0, 1.5 * e / CONTACT["full_damping_depth"]) * (closing + f))
+    assert error.min() >= -1e-9
+    assert np.all(error <= elastic + damped + 1e-9)
+    np.testing.assert_array_equal(found[depth <= -depth_m], 0.0)
+
+
+def test_friction_is_the_law_up_to_four_fifths_of_the_threshold_and_rounded_above():
+    slip = np.linspace(0.0, 0.1, 1001)
+    error = stick_slip.friction_coefficient(slip, **FRICTION) - friction_coefficient(
+        slip, **FRICTION, smoothing=Smoothing(friction_velocity_m_per_s=0.01))
+    np.testing.assert_allclose(error[slip <= 0.08], 0.0, atol=1e-15)
+    assert error.min() >= -1e-15
+    assert error.max() == pytest.approx(3.0 / 16.0 * 0.2 * 0.5, rel=1e-12)
+
+
+def test_socket_is_the_bushing_up_to_its_corners():
+    """Off by 3/16 of each corner: of tension and compression, of the stops, of the rate stops."""
+    stiff, negative, damping, limit, rate_limit, stop = 1.2e5, 2e4, 1e3, 0.015, 0.5, 10.0
+    row = np.array([[stiff, negative, damping, limit, rate_limit, stop]])
+    x, rate = (grid.ravel() for grid in np.meshgrid(np.linspace(-0.03, 0.03, 301), np.linspace(-1.0, 1.0, 101)))
+    found, energy = spring_forces(row, x[None], rate[None], np.ones((1, len(x))))
+    known = bushing.axis_force(x, rate, stiffness=stiff, stiffness_negative=negative, damping=damping, limit=limit,
+                               rate_limit=rate_limit, stop_ratio=stop)
+    error, part = np.abs(found[0] - known), 3.0 / 16.0
+    bound = (part * (stiff - negative) * TENSION_WIDTH * (np.abs(x) < TENSION_WIDTH)
+             + part * stop * stiff * STOP_WIDTH * limit * (np.abs(np.abs(x) - limit) < STOP_WIDTH * limit)
+             + part * stop * damping * STOP_WIDTH * rate_limit
+             * (np.abs(np.abs(rate) - rate_limit) < STOP_WIDTH * rate_limit))
+    assert np.all(error <= bound + 1e-9)
+    still = spring_forces(row, x[None], 0.0 * x[None], np.ones((1, len(x))))[0][0]
+    by = spring_forces(row, x[None] + 1j * IMAGINARY_STEP, rate[None], np.ones((1, len(x))))[1][0].imag
+    np.testing.assert_allclose(by / IMAGINARY_STEP, -still, atol=1e-9)
+    assert energy.min() >= 0.0
+
+
+@pytest.mark.parametrize("bad", [{"depth_m": 0.0}, {"rate_m_per_s": 1e-9}, {"damping": 1.5}, {"depth_m": np.nan}])
+def test_smoothing_without_meaning_is_refused(bad):
+    with pytest.raises(InputError, match="not usable"):
+        Smoothing(**bad)
