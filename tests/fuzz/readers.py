@@ -40,7 +40,7 @@ from vsf_drake.cli.fit_run import Checkpoint
 from vsf_drake.cli.tune import read_warm_start
 from vsf_drake.contact_file import load_contact, save_contact
 from vsf_drake.errors import InputError
-from vsf_drake.files import resource, sha256, write_json
+from vsf_drake.files import plain, resource, sha256, write_json
 from vsf_drake.ground import load_ground
 from vsf_drake.model_file import load_model
 from vsf_drake.motion import read_trial
@@ -329,8 +329,9 @@ def _write_results(folder: Path, validation: Path | None) -> None:
     save_bench(make_bench(), folder / "bench")
     _save(folder / "fit", "fit", made_fit(files=[]), made_curves())
     (folder / "fit" / "checkpoint.json").write_text('{"key": "x", "searches": [{"start": [0.0], "cost": 1.0}]}')
-    _save(folder / "tuning", "tuning", small_table() if validation is None else made_table(), made_arrays())
-    _save(folder / "schedule", "policy", made_schedule(), {})
+    tuning = small_table() if validation is None else made_table()
+    _save(folder / "tuning", "tuning", plain(tuning), made_arrays())
+    _save(folder / "schedule", "policy", plain(made_schedule()), {})
     if validation is not None:
         shutil.copytree(validation, folder / "validation", ignore=shutil.ignore_patterns("walks", "replay.html"))
     else:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,9 +17,16 @@ from vsf_drake.cli.app import Contact, Out, Seed, app, interrupted, path, print_
 from vsf_drake.errors import FitError, InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from vsf_drake.analysis.tuning import level1, level2
     from vsf_drake.analysis.tuning.inputs import TuningTrials
-    from vsf_drake.analysis.tuning.schedule import Task
+    from vsf_drake.analysis.tuning.schedule import Schedule, Task
+    from vsf_drake.analysis.tuning.table import TuningTable
+    from vsf_drake.collocation import Iteration
+
+    Options = level1.TuningOptions | level2.StrideOptions
+    Arrays = dict[str, np.ndarray]
 
 Cost = Annotated[str, typer.Option(metavar=f"{'|'.join(COSTS)}|{WEIGHTED}", help="What is to be least.")]
 Weights = Annotated[str | None, typer.Option(
@@ -35,7 +43,6 @@ Quick = Annotated[bool, typer.Option("--quick", help="A coarse sweep, one start,
 
 Asked = dict[str, Any]  # options as they were given, for the results; those left out are not in it
 Show = Callable[[str, float], None]
-Tuned = tuple[dict[str, Any], dict[str, Any]]  # table and arrays, of a tuning that ended well or not
 _ONLY = {**dict.fromkeys(("intervals", "method"), (2, ", where the motion is free")),
          "joints": (1, "; level 2 has all joints of the sagittal plane"), "pareto": (1, "")}
 """The level that has an option, where the other has not, and why."""
@@ -86,7 +93,7 @@ def tune(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.tuning.inputs import load_tuning_trials
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.tuning.chapters import TUNING, answer, first_line
+    from vsf_drake.report.tuning.chapters import TUNING, answer, first_line, write_tuning
 
     options = _level_options(asked)
     TUNING.check(out)
@@ -98,9 +105,9 @@ def tune(
         except KeyboardInterrupt:
             interrupted(" before anything was found; nothing was written")
         show("writing the report", 0.99)
-        written = TUNING.write(out, table, arrays)
-    _check_ended(written, written["status"].removesuffix("."), out / PAGE, stopped=_was_interrupted(written))
-    print_text("tuning", **written, first_line=first_line(written), answer=answer(written))
+        write_tuning(out, table, arrays)
+    _check_ended(table, table.status.removesuffix("."), out / PAGE, stopped=_was_interrupted(table))
+    print_text("tuning", t=table, first_line=first_line(table), answer=answer(table))
     say(f"written to {out}; open {PAGE} first")
 
 
@@ -141,36 +148,41 @@ def schedule(
     with progress() as show:
         try:
             given, reach_mm = _tasks_trials(listed, contact, asked, resolution_mm, show)
-            table, stopped = _tuned_tasks(listed, given, asked, options, reach_mm, resolution_mm, show)
+            policy, stopped = _tuned_tasks(listed, given, asked, options, reach_mm, resolution_mm, show)
         except KeyboardInterrupt:
             interrupted(" before any task had a result; nothing was written")
         show("writing the report", 0.99)
-        written = write_schedule(out, table)
-    bad = "; ".join(f"{row['label']}: {row['status']}" for row in written["tasks"] if not row["optimal"])
-    _check_ended(written, bad, out / PAGE, stopped=stopped)
-    for sentence in schedule_words(written):
+        write_schedule(out, policy)
+    bad = "; ".join(f"{row.label}: {row.status}" for row in policy.tasks if not row.optimal)
+    _check_ended(policy, bad, out / PAGE, stopped=stopped)
+    for sentence in schedule_words(policy):
         say(f"- {sentence}")
-    for note in written["notes"]:
+    for note in policy.notes:
         warn(note)
     say(f"written to {out}; {SCHEDULE.table} is for the controller, open {PAGE} first")
 
 
-def _check_ended(written: Mapping[str, Any], why: str, page: Path, *, stopped: bool) -> None:
+def _check_ended(result: TuningTable | Schedule, why: str, page: Path, *, stopped: bool) -> None:
     """Ends the command where what was written is no optimum."""
     if stopped:
         interrupted(f"; what was found by then is in {page.parent}, marked as NOT OPTIMAL")
-    if not written["optimal"]:
+    if not result.optimal:
         raise FitError(f"NOT OPTIMAL: {why}. What was found is in {page.parent}, marked so; see {page}")
 
 
-def read_warm_start(file: Path) -> Tuned:
+def read_warm_start(file: Path) -> tuple[TuningTable, Arrays]:
     """Table and arrays of an earlier tuning, by its folder or a file in it; InputError if there is none."""
+    from vsf_drake.analysis.tuning.table import tuning_of
     from vsf_drake.report.tuning.chapters import TUNING
 
     if not file.is_dir() and file.name not in (TUNING.table, TUNING.arrays):
         raise InputError("is no tuning" if file.exists() else "there is no such file", file=file, where="--warm-start",
                          right=f"Name the folder of an earlier tuning, or {TUNING.table} in it")
-    return TUNING.read(file if file.is_dir() else file.parent)
+    saved, arrays = TUNING.read(file if file.is_dir() else file.parent)
+    try:
+        return tuning_of(saved, ("design",)), arrays
+    except ValueError as error:
+        raise InputError(f"cannot be used ({error})", file=file, where="--warm-start") from None
 
 
 # Options: their words read and what cannot go together refused here, the rest by the options of the level.
@@ -191,19 +203,19 @@ def _asked(cost: str, weights: str | None, level: int, **others: Any) -> Asked:
 
 def _weights(text: str) -> dict[str, float]:
     """`joint_load=1,push_off=0.5` as numbers by cost."""
-    found: dict[str, float] = {}
+    weights: dict[str, float] = {}
     for part in text.split(","):
         name, equals, number = (piece.strip() for piece in part.partition("="))
         if not equals:
             raise InputError(f"{part.strip()!r} is no weight", where="--weights",
                              right="Write COST=NUMBER, separated by commas: joint_load=1,push_off=0.5")
-        if name in found:
+        if name in weights:
             raise InputError(f"{name} has two weights", where="--weights", right="Give every cost one")
         try:
-            found[name] = float(number)
+            weights[name] = float(number)
         except ValueError:
             raise InputError(f"{number!r} is no number", where=f"--weights {name}") from None
-    return found
+    return weights
 
 
 def _names(text: str | None, option: str, known: Sequence[str] = ()) -> tuple[str, ...] | None:
@@ -229,7 +241,7 @@ def _named_as_options(warm_file: Path | None = None) -> Iterator[None]:
                          where=f"{_OPTION_OF[name]} {part}".rstrip(), right=error.right) from None
 
 
-def _level_options(asked: Asked) -> level1.TuningOptions | level2.StrideOptions:
+def _level_options(asked: Asked) -> Options:
     """The options of the analysis."""
     from vsf_drake.analysis.tuning import level1, level2
 
@@ -248,44 +260,53 @@ def _level_options(asked: Asked) -> level1.TuningOptions | level2.StrideOptions:
 # What is tuned: trials together, or task after task.
 
 
-def _tuned_trials(given: TuningTrials, asked: Asked, options: level1.TuningOptions | level2.StrideOptions, show: Show,
-                  *, warm: Tuned | None = None, warm_file: Path | None = None) -> Tuned:
-    """Table and arrays; an interrupt leaves what was found by then, marked as not optimal, or passes before that."""
+def _tuned_trials(given: TuningTrials, asked: Asked, options: Options, show: Show, *,
+                  warm: tuple[TuningTable, Arrays] | None = None, warm_file: Path | None = None
+                  ) -> tuple[TuningTable, Arrays]:
+    """Table and arrays; an interrupt leaves what there was by then, marked as not optimal, or passes before that."""
+    from vsf_drake.analysis.tuning.level1 import TuningOptions
+    from vsf_drake.analysis.tuning.table import Provenance
+
     with _named_as_options(warm_file):
-        table, arrays = (_motion_given if asked["level"] == 1 else _motion_free)(
-            given, asked["cost"], options, show, warm)
-    made = dict(table["provenance"] or {})
-    made["options"] = {**asked, **(made.get("options") or {})}
-    made["inputs_sha256"] = {**given.inputs, **(made.get("inputs_sha256") or {})}
-    return {**table, "recorded_mm": given.recorded_mm, "provenance": made,
-            "notes": [*given.notes, *table["notes"]]}, arrays
+        table, arrays = (_motion_given(given, asked["cost"], options, show, warm) if isinstance(options, TuningOptions)
+                         else _motion_free(given, asked["cost"], options, show, warm))
+    made = table.provenance or Provenance()
+    made = dataclasses.replace(made, options={**asked, **made.options},
+                               inputs_sha256={**given.inputs, **made.inputs_sha256})
+    return dataclasses.replace(table, trials=given.labels, recorded_mm=tuple(given.recorded_mm), provenance=made,
+                               notes=(*given.notes, *table.notes)), arrays
 
 
-def _was_interrupted(table: Mapping[str, Any]) -> bool:
-    return not table["optimal"] and "interrupted" in table["status"]
+def _was_interrupted(table: TuningTable) -> bool:
+    return not table.optimal and "interrupted" in table.status
 
 
-def _motion_given(given: TuningTrials, cost: str, options: Any, show: Show, warm: Tuned | None) -> Tuned:
+def _motion_given(given: TuningTrials, cost: str, options: level1.TuningOptions, show: Show,
+                  warm: tuple[TuningTable, Arrays] | None) -> tuple[TuningTable, Arrays]:
     from vsf_drake.analysis.tuning import level1
 
-    def told(p: level1.TuningProgress) -> None:
+    def report(p: level1.TuningProgress) -> None:
         best = "" if p.cost is None or p.fulcrum_mm is None else f", {p.fulcrum_mm:.1f} mm, cost {p.cost:.5g}"
         show(f"{p.stage}{best}", 0.0 if p.fraction is None else p.fraction)
 
+    begin = None if warm is None else {row.name: row.value for row in warm[0].design}
+    if begin is not None and warm is not None and warm[0].fulcrum_mm is not None:
+        begin["fulcrum"] = warm[0].fulcrum_mm
     tuning = level1.StiffnessTuning(given.trials, cost=cost, labels=given.labels, options=options)
-    solution = level1.solve(tuning, progress=told, warm_start=None if warm is None else warm[0])
+    solution = level1.solve(tuning, progress=report, warm_start=begin)
     return level1.tuning_table(solution), level1.tuning_arrays(solution)
 
 
-def _motion_free(given: TuningTrials, cost: str, options: Any, show: Show, warm: Tuned | None) -> Tuned:
+def _motion_free(given: TuningTrials, cost: str, options: level2.StrideOptions, show: Show,
+                 warm: tuple[TuningTable, Arrays] | None) -> tuple[TuningTable, Arrays]:
     from vsf_drake.analysis.tuning import level2
 
-    def told(what: str, fraction: float, iteration: Any = None) -> None:
+    def report(what: str, fraction: float, iteration: Iteration | None = None) -> None:
         best = "" if iteration is None else f", iteration {iteration.number}, cost {iteration.cost:.5g}"
         show(f"{what}{best}", fraction)
 
     tuning = level2.StrideTuning(given.trials, cost=cost, labels=given.labels, options=options)
-    solution = level2.solve(tuning, progress=told, warm_start=None if warm is None else warm[1])
+    solution = level2.solve(tuning, progress=report, warm_start=None if warm is None else warm[1])
     return level2.stride_table(solution), level2.stride_arrays(solution)
 
 
@@ -295,10 +316,11 @@ def _tasks_trials(tasks: Sequence[Task], contact: Path | None, asked: Asked, res
     from vsf_drake.analysis.tuning.inputs import check_one_person, load_tuning_trials
     from vsf_drake.analysis.tuning.schedule import check_steps
 
-    given = [load_tuning_trials(
-        task.manifests, contact=contact, level=asked["level"],
-        progress=lambda what, share, i=i: show(what, _READ * (i + share) / len(tasks)))
-        for i, task in enumerate(tasks)]
+    def loaded(i: int, task: Task) -> TuningTrials:
+        return load_tuning_trials(task.manifests, contact=contact, level=asked["level"],
+                                  progress=lambda what, share: show(what, _READ * (i + share) / len(tasks)))
+
+    given = [loaded(i, task) for i, task in enumerate(tasks)]
     check_one_person([trial for one in given for trial in one.trials])
     low, high = max(one.reach_mm[0] for one in given), min(one.reach_mm[1] for one in given)
     reach = asked.get("fulcrum_range_mm", (low, high))
@@ -310,40 +332,34 @@ def _tasks_trials(tasks: Sequence[Task], contact: Path | None, asked: Asked, res
     return given, reach
 
 
-def _tuned_tasks(tasks: Sequence[Task], given: Sequence[TuningTrials], asked: Asked, options: Any,
-                 reach_mm: tuple[float, float], resolution_mm: float | None, show: Show) -> tuple[dict[str, Any], bool]:
-    """The content of policy.json, and whether Ctrl-C ended it early; before any result KeyboardInterrupt passes."""
-    from vsf_drake.analysis.tuning.schedule import make_schedule, policy_table
-    from vsf_drake.report.tuning.reading import rest_at, swept
+def _tuned_tasks(tasks: Sequence[Task], given: Sequence[TuningTrials], asked: Asked, options: Options,
+                 reach_mm: tuple[float, float], resolution_mm: float | None, show: Show) -> tuple[Schedule, bool]:
+    """The policy, and whether Ctrl-C ended it early; before any result KeyboardInterrupt passes."""
+    from vsf_drake.analysis.tuning.schedule import make_schedule
+    from vsf_drake.analysis.tuning.table import Provenance
     from vsf_drake.simulation.archive import provenance
 
     began, stopped = time.perf_counter(), False
-    found: list[dict[str, Any]] = []
+    tables: list[TuningTable] = []
     for i, (task, trials) in enumerate(zip(tasks, given, strict=True)):
-        def told(what: str, share: float, label: str = task.label, i: int = i) -> None:
+        def report(what: str, share: float, label: str = task.label, i: int = i) -> None:
             show(f"{label}: {what}", _READ + (1.0 - _READ) * (i + share) / len(tasks))
 
         try:
-            found.append(_tuned_trials(trials, asked, options, told)[0])
+            tables.append(_tuned_trials(trials, asked, options, report)[0])
         except KeyboardInterrupt:
-            if not found:
+            if not tables:
                 raise
             stopped = True
-        if stopped := stopped or _was_interrupted(found[-1]):
+        if stopped := stopped or _was_interrupted(tables[-1]):
             break
-    first = found[0]
-    found += [{**first, "optimal": False, "status": "it was not reached: interrupted", "fulcrum_mm": None,
-               "cost": None, "sweep": [], "outcomes": [], "fulcrum_interval_mm": None}] * (len(tasks) - len(found))
-    policy = policy_table(make_schedule(
-        [(task.label, task.descriptors, table) for task, table in zip(tasks, found, strict=True)],
-        reach_mm=reach_mm, resolution_mm=resolution_mm))
-    for row, table, trials in zip(policy["tasks"], found, given, strict=True):
-        x, y = swept(table)
-        row |= {"trials": list(trials.labels), "recorded_mm": trials.recorded_mm,
-                "sweep": {"fulcrum_mm": x.tolist(), "cost": y.tolist()},
-                "rest": rest_at(table, row["fulcrum_mm"]), "rest_common": rest_at(table, policy["common_fulcrum_mm"])}
+    tables += [dataclasses.replace(
+        tables[0], optimal=False, status="it was not reached: interrupted", fulcrum_mm=None, cost=None, sweep=(),
+        outcomes=(), fulcrum_interval_mm=None, trials=trials.labels, recorded_mm=tuple(trials.recorded_mm),
+        synthetic=trials.synthetic) for trials in given[len(tables):]]
     made = provenance({name: digest for trials in given for name, digest in trials.inputs.items()}, asked["seed"])
-    return policy | {name: first[name] for name in ("cost_name", "cost_label", "cost_unit")} | {
-        "level": asked["level"], "notes": list(dict.fromkeys(note for trials in given for note in trials.notes)),
-        "synthetic": any(trials.synthetic for trials in given), "wall_s": time.perf_counter() - began,
-        "provenance": {**made, "options": {**asked, "resolution_mm": resolution_mm}}}, stopped
+    policy = make_schedule(zip(tasks, tables, strict=True), reach_mm=reach_mm, resolution_mm=resolution_mm)
+    return dataclasses.replace(
+        policy, notes=tuple(dict.fromkeys(note for trials in given for note in trials.notes)),
+        wall_s=time.perf_counter() - began,
+        provenance=Provenance(**made, options={**asked, "resolution_mm": resolution_mm})), stopped

@@ -201,8 +201,7 @@ class Residuals:
     def values(self, y: np.ndarray, weights: np.ndarray | float = 1.0) -> np.ndarray:
         """(N,) what every instant adds, with weights (N,)."""
         off = y[:, list(self.outputs)] - self.target
-        found: np.ndarray = 0.5 * weights * np.sum(self.weight * off * off, axis=1)
-        return found
+        return np.asarray(0.5 * weights * np.sum(self.weight * off * off, axis=1))
 
     def slopes(self, y: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivatives (N, r) of that by the outputs."""
@@ -313,11 +312,11 @@ class TrajectoryProblem:
         return np.concatenate(which), np.hstack(low), np.hstack(high)
 
     def _outputs(self, which: Sequence[int], where: str) -> np.ndarray:
-        found = np.asarray(list(which), dtype=int)
-        if ((found < 0) | (found >= self.outputs)).any():
-            raise InputError(f"names outputs {found.tolist()}", where=where,
+        outputs = np.asarray(list(which), dtype=int)
+        if ((outputs < 0) | (outputs >= self.outputs)).any():
+            raise InputError(f"names outputs {outputs.tolist()}", where=where,
                              right=f"There are {self.outputs}, from 0 on")
-        return found
+        return outputs
 
 
 def _filled(value: object, shape: tuple[int, ...], where: str, *, least: float | None = None) -> np.ndarray:

@@ -16,10 +16,12 @@ import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.solvers import (
     IpoptSolver,
+    IpoptSolverDetails,
     LinearEqualityConstraint,
     MathematicalProgram,
     MathematicalProgramResult,
     SnoptSolver,
+    SnoptSolverDetails,
     SolverId,
     SolverOptions,
 )
@@ -122,29 +124,30 @@ def program(problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding
     free: Drake gives SNOPT storage by the number of derivatives, which can be too little (INFO 83).
     """
     scaled = problem if isinstance(problem, Scaled) else Scaled(problem)
-    instants, made, (count, size) = _Instants(scaled), MathematicalProgram(), scaled.shape
-    x = made.NewContinuousVariables(len(scaled.x_scale), "x")
-    made.AddBoundingBoxConstraint(scaled.low, scaled.high, x)
+    instants, whole, (count, size) = _Instants(scaled), MathematicalProgram(), scaled.shape
+    x = whole.NewContinuousVariables(len(scaled.x_scale), "x")
+    whole.AddBoundingBoxConstraint(scaled.low, scaled.high, x)
     for rows, columns in _grouped(scaled):
-        made.AddConstraint(LinearEqualityConstraint(scaled.matrix[rows][:, columns].toarray(), scaled.right[rows]),
+        whole.AddConstraint(LinearEqualityConstraint(scaled.matrix[rows][:, columns].toarray(), scaled.right[rows]),
                            x[columns])
-    made.AddVisualizationCallback(instants.show, x)
+    whole.AddVisualizationCallback(instants.show, x)
     variables = [np.concatenate([x[i * size:(i + 1) * size], x[scaled.count:]]) for i in range(count)]
     for i, own in enumerate(variables if probes else ()):
-        made.AddCost(_cost(instants.of(i)), vars=own)
-        free = made.AddConstraint(_constraint(instants.of(i)), lb=[-np.inf], ub=[np.inf], vars=own)
+        whole.AddCost(_cost(instants.of(i)), vars=own)
+        free = whole.AddConstraint(_constraint(instants.of(i)), lb=np.array([-np.inf]), ub=np.array([np.inf]),
+                                   vars=own)
         free.evaluator().SetGradientSparsityPattern([])
     low, high = (np.hstack([np.zeros((count, scaled.equations)), limit])
                  for limit in (scaled.limit_low, scaled.limit_high))
     for i, own in enumerate(variables):
         if scaled.problem.terms:
-            made.AddCost(_cost(instants.of(i, slice(0, 1))), vars=own)
+            whole.AddCost(_cost(instants.of(i, slice(0, 1))), vars=own)
         if low.shape[1]:
-            made.AddConstraint(_constraint(instants.of(i, slice(1, None))), lb=low[i], ub=high[i], vars=own)
+            whole.AddConstraint(_constraint(instants.of(i, slice(1, None))), lb=low[i], ub=high[i], vars=own)
         if padding:
-            made.AddConstraint(_constraint(_nothing(padding)), lb=np.full(padding, -np.inf),
+            whole.AddConstraint(_constraint(_nothing(padding)), lb=np.full(padding, -np.inf),
                                ub=np.full(padding, np.inf), vars=own)
-    return made
+    return whole
 
 
 def _grouped(scaled: Scaled) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -166,9 +169,6 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, 
 
     Args:
         time_limit_s: wall time for IPOPT and processor time for SNOPT, of all restarts together.
-
-    Raises:
-        InputError: there is no such solver, or the start has another shape than the problem.
     """
     if solver not in SOLVERS:
         raise InputError(f"{solver!r} is no solver", where="solver", right=f"There are: {', '.join(SOLVERS)}")
@@ -177,16 +177,17 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, 
     if solver == "ipopt":
         result = IpoptSolver().Solve(program(scaled), x, _ipopt(time_limit_s))
         details = result.get_solver_details()
+        assert isinstance(details, IpoptSolverDetails)
         status = IPOPT_ENDS.get(int(details.status), "failed")
         message = f"IPOPT ends with status {details.status} ({details.ConvertStatusToString()})"
     else:
         result, restarts = _snopt(scaled, x, time_limit_s)
-        code = int(result.get_solver_details().info)
+        code = _info(result)
         status = SNOPT_ENDS.get(code, "failed")
         message = f"SNOPT ends with INFO {code}, {restarts} restarts for storage"
     status = "optimal" if result.is_success() else status
-    found = result.get_x_val()
-    at = scaled.linearised(np.clip(np.where(np.isfinite(found), found, x), scaled.low, scaled.high))
+    end = result.get_x_val()
+    at = scaled.linearised(np.clip(np.where(np.isfinite(end), end, x), scaled.low, scaled.high))
     violation, where = scaled.worst(at)
     if status == "optimal" and violation > MOST_VIOLATION:
         status, message = "failed", f"{message}, yet {where} is broken by {violation:.2g} (scaled)"
@@ -202,10 +203,17 @@ def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[Mathemat
             "Major feasibility tolerance": FEASIBILITY, "Major optimality tolerance": OPTIMALITY,
             "Time limit": max(time_limit_s - (time.perf_counter() - began), 1.0), "Superbasics limit": SUPERBASICS,
             "Major iterations limit": 10_000, "Iterations limit": MINOR_ITERATIONS}))
-        if result.get_solver_details().info != STORAGE or time.perf_counter() - began >= time_limit_s:
+        if _info(result) != STORAGE or time.perf_counter() - began >= time_limit_s:
             break
         x = np.where(np.isfinite(result.get_x_val()), result.get_x_val(), x)
     return result, restarts
+
+
+def _info(result: MathematicalProgramResult) -> int:
+    """SNOPT's INFO."""
+    details = result.get_solver_details()
+    assert isinstance(details, SnoptSolverDetails)
+    return int(details.info)
 
 
 def _ipopt(time_limit_s: float) -> SolverOptions:
@@ -220,10 +228,10 @@ def _ipopt(time_limit_s: float) -> SolverOptions:
 
 
 def _settings(solver: SolverId, chosen: Mapping[str, float | int | str]) -> SolverOptions:
-    found = SolverOptions()
+    options = SolverOptions()
     for name, value in chosen.items():
-        found.SetOption(solver, name, value)
-    return found
+        options.SetOption(solver, name, value)
+    return options
 
 
 def _residual(scaled: Scaled, at: Linearised) -> float:

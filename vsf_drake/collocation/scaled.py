@@ -76,7 +76,8 @@ class Scaled:
 
     def scaled(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
         """x, within the bounds."""
-        return np.clip(np.concatenate([np.ravel(z), np.ravel(p)]) / self.x_scale, self.low, self.high)
+        x: np.ndarray = np.concatenate([np.ravel(z), np.ravel(p)]) / self.x_scale
+        return x.clip(self.low, self.high)
 
     def unscaled(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """z (N, Z) and p (P,)."""
@@ -112,11 +113,15 @@ class Scaled:
         with np.errstate(all="ignore"):
             y, by_z, by_p = self.outputs(x)
             slope, bend = self.slopes(y)
-            # J' diag(bend) J, over the outputs that have any
+
+            # H = J' diag(phi'') J over the outputs that have any: the cost's curvature, without that of the outputs.
+            # With roots of phi'' in both factors it is symmetric and never negative to rounding.
             used = np.flatnonzero(bend.any(axis=0))
             root = np.sqrt(bend[:, used])[:, :, None]
             rows_z, rows_p = root * by_z[:, used], root * by_p[:, used]
             turned, flat_p = rows_z.transpose(0, 2, 1), rows_p.reshape(len(y) * len(used), self.parameters)
+
+            # g = J' phi', by z for each instant, by p summed over them
             unit = self.problem.y_scale[self.which][:, None]
             return Linearised(
                 **vars(self._point(x, y)), by_z=by_z[:, self.which] / unit, by_p=by_p[:, self.which] / unit,
@@ -150,7 +155,7 @@ class Scaled:
         slope, bend = np.zeros_like(y), np.zeros_like(y)
         for part in self.problem.terms:
             for whole, own in zip((slope, bend), part.slopes(y, self.problem.grid.weights), strict=True):
-                np.add.at(whole, (slice(None), list(part.outputs)), own)
+                np.add.at(whole.T, np.asarray(part.outputs), own.T)
         return slope / self.problem.cost_scale, bend / self.problem.cost_scale
 
     def slacks(self, at: Point) -> np.ndarray:
@@ -167,7 +172,7 @@ class Scaled:
 
     def worst(self, at: Point) -> tuple[float, str]:
         """The largest violation, and where it is, in words."""
-        found, layout, design = self.violations(at), self.problem.layout, self.problem.design
+        broken, layout, design = self.violations(at), self.problem.layout, self.problem.design
         times = [f"{time:.3f} s" for time in self.problem.grid.times_s]
         variables = [f"{name} at {time}" for time in times for name in layout.names]
         of_rows = np.asarray(abs(self.matrix).argmax(axis=1)).ravel()
@@ -175,5 +180,5 @@ class Scaled:
         names += [f"output {output} at {time}, an equation" for time in times for output in self.which[:self.equations]]
         names += [f"{side} bound of {name}" for side in ("lower", "upper") for name in (*variables, *design.names)]
         names += 2 * [f"output {output} at {time}, a limit" for time in times for output in self.which[self.equations:]]
-        index = int(np.argmax(found))
-        return float(found[index]), names[index]
+        index = int(np.argmax(broken))
+        return float(broken[index]), names[index]

@@ -130,11 +130,11 @@ def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
         z, times = np.vstack([z, z[:1]]), np.append(times, old.duration_s)
         z[-1, layout.q] += problem.advance
     at = np.clip(grid.times_s * ratio, 0.0, old.duration_s)
-    found = np.empty((len(at), layout.size))
-    found[:, layout.q] = CubicHermiteSpline(times, z[:, layout.q], z[:, layout.v])(at)
-    found[:, layout.v] = CubicHermiteSpline(times, z[:, layout.v], z[:, layout.a])(at) * ratio
+    z_new = np.empty((len(at), layout.size))
+    z_new[:, layout.q] = CubicHermiteSpline(times, z[:, layout.q], z[:, layout.v])(at)
+    z_new[:, layout.v] = CubicHermiteSpline(times, z[:, layout.v], z[:, layout.a])(at) * ratio
     rest = slice(layout.a.start, layout.size)
-    found[:, rest] = CubicSpline(times, z[:, rest], bc_type="periodic" if old.periodic else "not-a-knot")(at)
-    found[:, layout.a] *= ratio**2
-    found[:, layout.u] *= ratio
-    return Start(found, solution.last.p)
+    z_new[:, rest] = CubicSpline(times, z[:, rest], bc_type="periodic" if old.periodic else "not-a-knot")(at)
+    z_new[:, layout.a] *= ratio**2
+    z_new[:, layout.u] *= ratio
+    return Start(z_new, solution.last.p)

@@ -72,7 +72,8 @@ def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions 
 
 
 class _Search:
-    """The merit is cost + sum of weight * violation, a weight for each equation and inequality above its multiplier."""
+    """The merit is cost + sum of weight * violation, a weight for each equation and inequality above its multiplier:
+    then it is exact (l1), and a step of the quadratic program is a direction in which it falls."""
 
     def __init__(self, problem: TrajectoryProblem, start: Start, options: CollocationOptions,
                  progress: Progress | None) -> None:
@@ -85,7 +86,7 @@ class _Search:
         self.share = np.concatenate([np.repeat(parts, self.scaled.shape[1]), np.ones(problem.parameters)])
         self.curve = np.zeros_like(self.share)
         self.damping, self.optimality = DAMPING, np.nan
-        self.step: Step | None = None
+        self.step: Step | None = None  # the last
         self.exact, self.resume, self.before = False, 0, DAMPING
 
     def run(self) -> tuple[str, str]:
@@ -97,9 +98,13 @@ class _Search:
             broken = float(self.scaled.violations(self.at).max(initial=0.0))
             change = np.abs(step.change).max(initial=0.0)
             self._note(number, broken, step)
+
+            # Feasible, stationary, and at rest: where the cost is flat a small slope alone says little.
             if broken <= options.violation and self.optimality <= options.optimality and (
                     change <= STEP or abs(step.predicted) <= GAIN * (1.0 + abs(self.at.cost))):
                 return "optimal", "first-order conditions hold"
+
+            # Multipliers beyond all bounds, or a violation that stays, are those of conditions that cannot be met.
             least, since = (broken, 0) if broken < max(0.9 * least, TRADING) else (least, since + 1)
             if broken > options.violation and (since > WASTED or np.abs(step.multipliers).max(initial=0.0) > LOST):
                 return self._stuck("the violation no longer falls")
@@ -118,6 +123,7 @@ class _Search:
                 self.exact, self.before = True, self.damping
                 self.damping = min(self.damping, DAMPING)
             at = stiffened(self.scaled, with_curvature(self.scaled, self.at, self.step), self.step)
+            # H + D must be positive on the equations' null space, as the inertia of the factors tells (`Kkt.convex`).
             for _ in range(SHIFTS):
                 kkt = self._kkt(at)
                 if kkt.convex:
@@ -138,6 +144,8 @@ class _Search:
         self.exact, self.resume, self.damping = False, len(self.history) + WAIT, self.before
 
     def _kkt(self, at: Linearised) -> Kkt:
+        # D is the damping times the largest curvature that each variable has shown (as in Moré 1978), per second of its
+        # instant; between FLAT of the usual one and that, so that no variable is free and none is held.
         self.curve = np.maximum(self.curve, self.at.diagonal / self.share)  # Gauss-Newton's: never negative
         usual = max(float(np.mean(self.curve)), float(np.mean(np.abs(self.at.gradient) / self.share)), 1e-8)
         return Kkt(self.scaled, at, self.damping * self.share * np.clip(self.curve, FLAT * usual, usual))
@@ -171,7 +179,9 @@ class _Search:
 
     def _try(self, kkt: Kkt, step: Step) -> bool:
         before = self._merit(self.at)
-        # by how much the merit falls if the linearisation were exact: equations are met, of inequalities some are left
+
+        # By how much the merit would fall if the linearisation were exact: equations are met, and of the inequalities
+        # is left what the elastic program left.
         room = self.scaled.slacks(self.at) + room_changes(self.scaled, self.at, step.change)
         left = self.weights[len(self.weights) - len(room):] @ np.maximum(-room, 0.0)
         promised = step.predicted + float(self.weights @ self.scaled.violations(self.at) - left)
@@ -181,10 +191,13 @@ class _Search:
             after = self._merit(at)
             return bool(before - after >= ENOUGH * length * promised - noise) and np.isfinite(after)
 
+        # At full length; the damping follows how much of the promise was kept (a trust region's rule).
         full = self.scaled.linearised(self._moved(step.change))
         if lowers(full, 1.0):
             gained = (before - self._merit(full)) / promised if promised > noise else 1.0
             return self._take(full, 0.2 if gained > 0.75 else (1.0 if gained > 0.25 else 4.0))
+
+        # Where curved equations hold such a step back (Maratos effect), once more with what it left; then shorter.
         if full.finite:
             better = self._corrected(kkt, step, full)
             if lowers(better, 1.0):
@@ -202,13 +215,15 @@ class _Search:
         scaled, at = self.scaled, self.at
         z, p = scaled.split(step.change)
         conditions = scaled.equations
+        # c(x + d) - A d in place of c(x): a step that meets this leaves of the curved equations what is of third order.
         bent = full.equations - np.einsum("nez,nz->ne", at.by_z[:, :conditions], z) - at.by_p[:, :conditions] @ p
         room = scaled.slacks(full) - room_changes(scaled, at, step.change)
         again = find_step(kkt, equations=bent, room=room, likely=step.pressed)
         return scaled.linearised(self._moved(again.change))
 
     def _moved(self, change: np.ndarray) -> np.ndarray:
-        return np.clip(self.at.x + change, self.scaled.low, self.scaled.high)
+        x: np.ndarray = self.at.x + change
+        return x.clip(self.scaled.low, self.scaled.high)
 
     def _take(self, at: Linearised, factor: float) -> bool:
         if not at.finite:
@@ -232,11 +247,12 @@ class _Search:
         """The point to which the shortest steps that fulfil the linearised conditions lead while violations fall."""
         scaled, at, likely = self.scaled, self.at, np.zeros(0, dtype=int)
         for _ in range(MENDINGS):
-            bare = dataclasses.replace(at, gradient=0.0 * at.gradient,
-                                       hessian=tuple(0.0 * part for part in at.hessian))
+            own, mixed, shared = at.hessian
+            bare = dataclasses.replace(at, gradient=0.0 * at.gradient, hessian=(0.0 * own, 0.0 * mixed, 0.0 * shared))
             step = find_step(Kkt(scaled, bare, self.share), equations=at.equations, room=scaled.slacks(at),
                              likely=likely)
             least = scaled.violations(at).sum()
+            # Armijo's rule for the sum of violations, which a full step would bring to 0 if they were linear.
             for length in 0.25 ** np.arange(5):
                 near = scaled.linearised(np.clip(at.x + length * step.change, scaled.low, scaled.high))
                 if near.finite and scaled.violations(near).sum() < (1.0 - 0.1 * length) * least:
@@ -269,18 +285,21 @@ STIFF = 10.0  # how much stiffer than the stiffest variable a bound or limit is 
 def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     """The linearisation with the Hessian of the Lagrangian, by the multipliers of `step`, for Gauss-Newton's."""
     n, y_scale = len(at.x), scaled.problem.y_scale
+
+    # c: slopes of the cost, multipliers of the equations, and of the limits those from above less those from below.
     pressure = np.zeros(2 * n + 2 * at.limited.size)
     pressure[step.pressed] = step.pressure
     low, high = pressure[2 * n:].reshape(2, *at.limited.shape)
     multipliers = np.hstack([step.multipliers[len(at.linear):].reshape(at.equations.shape), high - low])
     forces = scaled.slopes(at.y)[0]
-    np.add.at(forces, (slice(None), scaled.which), multipliers / y_scale[scaled.which])
+    np.add.at(forces.T, scaled.which, (multipliers / y_scale[scaled.which]).T)
 
     def pulled(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N, Z) and (N, P): forces times the derivatives of the outputs at x."""
         _, by_z, by_p = scaled.outputs(x)
         return np.matmul(forces[:, None, :], by_z)[:, 0], np.matmul(forces[:, None, :], by_p)[:, 0]
 
+    # Columns of the second derivatives, by z of all instants at once, then by p; their asymmetry is rounding.
     base_z, base_p = pulled(at.x)
     own, mixed, shared = (part.copy() for part in at.hessian)
     rest = np.zeros_like(own)
@@ -304,6 +323,8 @@ def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     if not len(step.pressed):
         return at
     own, mixed, shared = at.hessian
+
+    # H += w b b', g += w b s for a slack s with slope b: a spring that is at rest where the slack is 0.
     across, room = normals(scaled, at, step.pressed), scaled.slacks(at)[step.pressed]
     weight = STIFF * np.abs(at.diagonal).max(initial=0.0)
     by_z, by_p = scaled.split(across)

@@ -45,16 +45,25 @@ class Kkt:
 
     def __init__(self, scaled: Scaled, at: Linearised, damping: np.ndarray) -> None:
         self.scaled, self.at, self.variables = scaled, at, len(at.x)
+
+        # H + D: a block an instant, bordered by the parameters' rows and columns.
         own, mixed, shared = at.hessian
-        self.free = np.where(scaled.fixed, 0.0, 1.0)
-        free = sp.diags(self.free)
-        mixed = sp.csr_matrix(mixed.reshape(scaled.count, scaled.parameters))
-        curved = sp.bmat([[_diagonal(own), mixed], [mixed.T, sp.csr_matrix(shared)]]) + sp.diags(damping)
+        border = sp.csr_matrix(mixed.reshape(scaled.count, scaled.parameters))
+        curved = sp.bmat([[_diagonal(own), border], [border.T, sp.csr_matrix(shared)]]) + sp.diags(damping)
+
+        # A: collocation, in which parameters have no part, above the instants' equations.
         by_p = at.by_p[:, :scaled.equations].reshape(at.equations.size, scaled.parameters)
         conditions = sp.bmat([[scaled.matrix, sp.csr_matrix((len(at.linear), scaled.parameters))],
-                              [_diagonal(at.by_z[:, :scaled.equations]), sp.csr_matrix(by_p)]]) @ free
+                              [_diagonal(at.by_z[:, :scaled.equations]), sp.csr_matrix(by_p)]])
+
+        # Fixed variables keep their place, with a row of the identity: their step is what the right side says, 0.
+        self.free = np.where(scaled.fixed, 0.0, 1.0)
+        free = sp.diags(self.free)
+        conditions = conditions @ free
         self.matrix = sp.bmat([[free @ curved @ free + sp.diags(1.0 - self.free), conditions.T],
                                [conditions, None]], format="csr")
+
+        # What is factorised has -e below, and its unknowns in the order of elimination.
         self.size, self.order = self.matrix.shape[0], _order(scaled)
         soft = np.concatenate([np.zeros(self.variables), np.full(self.size - self.variables, SOFT)])
         self._whole = (self.matrix - sp.diags(soft)).tocsr()[self.order][:, self.order].tocsc()
@@ -72,27 +81,31 @@ class Kkt:
     def convex(self) -> bool:
         """Whether H + D is positive where the linearised equations hold: as many pivots are negative as equations."""
         negative = np.count_nonzero(self._factors.U.diagonal() < 0.0)
-        return not self._is_exchanged and negative == self.size - self.variables
+        return not self._is_exchanged and bool(negative == self.size - self.variables)
 
     def roughly(self, rights: np.ndarray) -> np.ndarray:
         """(size, ...) unknowns for right sides of that shape, as the factors give them."""
-        found = np.empty_like(rights)
-        found[self.order] = self._factors.solve(rights[self.order])
-        return found
+        unknowns = np.empty_like(rights)
+        unknowns[self.order] = self._factors.solve(rights[self.order])
+        return unknowns
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """(size,) unknowns for a right side, refined until rounding is all that is left."""
-        found = self.roughly(right)
-        off = right - self.matrix @ found
+        unknowns = self.roughly(right)
+        off = right - self.matrix @ unknowns
+
+        # Iterative refinement against the matrix with e = 0: x += (factors)^-1 (b - A x), while that halves the rest.
         for _ in range(REFINEMENTS):
-            better = found + self.roughly(off)
+            better = unknowns + self.roughly(off)
             left = right - self.matrix @ better
             if not np.abs(left).max() < 0.5 * np.abs(off).max():
                 break
-            found, off = better, left
-        usual = np.abs(right).max() + max(1.0, abs(self.matrix).max()) * np.abs(found).max()
+            unknowns, off = better, left
+
+        # Backward error: a residual that is small beside |b| + |A| |x| is rounding.
+        usual = np.abs(right).max() + max(1.0, abs(self.matrix).max()) * np.abs(unknowns).max()
         if self._is_exchanged or np.abs(off).max() <= POOR * usual:
-            return found
+            return unknowns
         self._exchange()
         return self.solve(right)
 
@@ -109,7 +122,7 @@ def _order(scaled: Scaled) -> np.ndarray:
     """Unknowns in the order of their elimination."""
     count, size = scaled.shape
     touched = scaled.matrix.tocoo()
-    last = np.zeros(scaled.matrix.shape[0], dtype=int)
+    last = np.zeros(scaled.matrix.shape[0], dtype=int)  # instant at which a linear equation ends
     np.maximum.at(last, touched.row, touched.col // size)
     instants = np.arange(count)
     place = np.concatenate([np.repeat(instants, size), np.full(scaled.parameters, count), last,
@@ -137,43 +150,52 @@ def room_changes(scaled: Scaled, at: Linearised, change: np.ndarray) -> np.ndarr
 
 
 def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
-    """(N Z + P, r) derivatives of the slacks of some inequalities by x."""
+    """B (N Z + P, r): derivatives of the slacks of some inequalities by x."""
     n, cells = len(at.x), at.limited.size
-    found = np.zeros((n, len(which)))
+    slopes = np.zeros((n, len(which)))
+
+    # Bounds, low ones first: x - low and high - x.
     bound = np.flatnonzero(which < 2 * n)
-    found[which[bound] % n, bound] = np.where(which[bound] < n, 1.0, -1.0)
+    slopes[which[bound] % n, bound] = np.where(which[bound] < n, 1.0, -1.0)
+
+    # Limits of an output at an instant, which depends on that instant's variables and on the parameters.
     limit = np.flatnonzero(which >= 2 * n)
     side, cell = np.divmod(which[limit] - 2 * n, max(cells, 1))
     instant, output = np.divmod(cell, max(at.limited.shape[1], 1))
     sign = (1.0 - 2.0 * side)[:, None]
     rows = instant[:, None] * scaled.shape[1] + np.arange(scaled.shape[1])
-    found[rows, limit[:, None]] = sign * at.by_z[instant, scaled.equations + output]
-    found[scaled.count:, limit] = (sign * at.by_p[instant, scaled.equations + output]).T
-    found[scaled.fixed] = 0.0
-    return found
+    slopes[rows, limit[:, None]] = sign * at.by_z[instant, scaled.equations + output]
+    slopes[scaled.count:, limit] = (sign * at.by_p[instant, scaled.equations + output]).T
+    slopes[scaled.fixed] = 0.0
+    return slopes
 
 
 def find_step(kkt: Kkt, *, equations: np.ndarray, room: np.ndarray, likely: np.ndarray) -> Step:
     """The step at the linearisation of `kkt`: equations (N, E) are what it is to bring to 0, room the slacks, there or
     after a first step, and `likely` the inequalities (indices) to begin with."""
     scaled, at, n = kkt.scaled, kkt.at, kkt.variables
+
+    # d0, which no inequality holds, and the slacks that it would leave.
     aim = np.concatenate([-at.gradient * kkt.free, -at.linear, -equations.ravel()])
     base = kkt.solve(aim)
     still = room_changes(scaled, at, base[:n])
+
+    # Inequalities join until none is broken. Those of the set have slacks room + B'd0 + B'W l, so that l solves
+    #     minimise  1/2 l' (B'W) l + (room + B'd0)' l      subject to  0 <= l <= MOST_PRESSURE
     which, pressure = likely[np.isfinite(room[likely])], np.zeros(0)
-    ways, lines, found = np.zeros((kkt.size, 0)), np.zeros((n, 0)), base
+    answers, slopes, unknowns = np.zeros((kkt.size, 0)), np.zeros((n, 0)), base  # W, B, d0 + W l
     new, after = which, room + still
     for _ in range(ROUNDS):
         if len(new):
             added = normals(scaled, at, new)
             right = np.zeros((kkt.size, len(new)))
             right[:n] = added
-            ways, lines = np.hstack([ways, kkt.roughly(right)]), np.hstack([lines, added])
-            matrix = lines.T @ ways[:n]
+            answers, slopes = np.hstack([answers, kkt.roughly(right)]), np.hstack([slopes, added])
+            matrix = slopes.T @ answers[:n]
             start = np.concatenate([pressure, np.zeros(len(which) - len(pressure))])
             pressure = box_minimum(0.5 * (matrix + matrix.T), room[which] + still[which], MOST_PRESSURE, start)
-            found = base + ways @ pressure
-            after = room + room_changes(scaled, at, found[:n])
+            unknowns = base + answers @ pressure
+            after = room + room_changes(scaled, at, unknowns[:n])
         broken = np.setdiff1d(np.flatnonzero(np.isfinite(room) & (after < -BROKEN)), which)
         if not len(broken):
             break
@@ -181,34 +203,37 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, room: np.ndarray, likely: np.n
         which = np.concatenate([which, new])
     held = pressure > 0.0
     if held.any():
-        found, pressure = _sharpened(kkt, aim, lines, ways, pressure, room[which])
-    change = found[:n]
+        unknowns, pressure = _sharpened(kkt, aim, slopes, answers, pressure, room[which])
+
+    # What the model promises: -(g'd + 1/2 d'H d), by blocks.
+    change = unknowns[:n]
     own, mixed, shared = at.hessian
     z, p = scaled.split(change)
     curved = (np.einsum("nz,nzy,ny->", z, own, z, optimize=True) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p)
               + p @ shared @ p)
-    return Step(change=change, multipliers=found[n:], pressed=which[held], pressure=pressure[held],
-                pull=-lines[:, held] @ pressure[held], predicted=float(-at.gradient @ change - 0.5 * curved))
+    return Step(change=change, multipliers=unknowns[n:], pressed=which[held], pressure=pressure[held],
+                pull=-slopes[:, held] @ pressure[held], predicted=float(-at.gradient @ change - 0.5 * curved))
 
 
-def _sharpened(kkt: Kkt, aim: np.ndarray, lines: np.ndarray, ways: np.ndarray, pressure: np.ndarray,
+def _sharpened(kkt: Kkt, aim: np.ndarray, slopes: np.ndarray, answers: np.ndarray, pressure: np.ndarray,
                room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The unknowns with the refined solve, and pressures with which what presses is held to rounding."""
-    n, tight = len(lines), (pressure > 0.0) & (pressure < MOST_PRESSURE)
-    matrix = lines[:, tight].T @ ways[:n, tight]
+    n, tight = len(slopes), (pressure > 0.0) & (pressure < MOST_PRESSURE)
+    matrix = slopes[:, tight].T @ answers[:n, tight]
     for last in (False, True):
         right = aim.copy()
-        right[:n] += lines @ pressure
-        found = kkt.solve(right)
-        off = (room + lines.T @ found[:n])[tight]
+        right[:n] += slopes @ pressure
+        unknowns = kkt.solve(right)
+        off = (room + slopes.T @ unknowns[:n])[tight]
         if last or np.abs(off).max(initial=0.0) <= BROKEN:
             break
+        # Slacks that are left grow by (B'W) dl: one Newton step brings them to 0, unless a pressure would turn.
         better = pressure[tight] - np.linalg.lstsq(matrix, off, rcond=1e-12)[0]
         if not (better > 0.0).all():
             break
         pressure = pressure.copy()
         pressure[tight] = better
-    return found, pressure
+    return unknowns, pressure
 
 
 def optimality(scaled: Scaled, at: Linearised, step: Step) -> float:
@@ -216,6 +241,8 @@ def optimality(scaled: Scaled, at: Linearised, step: Step) -> float:
     the Lagrangian|, |multiplier * slack| over the inequalities that press."""
     lines = len(at.linear)
     of_instants = step.multipliers[lines:].reshape(at.equations.shape)
+
+    # g + A'm - B l
     slope = at.gradient + step.pull
     slope[:scaled.count] += scaled.matrix.T @ step.multipliers[:lines]
     slope[:scaled.count] += np.einsum("nez,ne->nz", at.by_z[:, :scaled.equations], of_instants).ravel()
@@ -234,11 +261,14 @@ def box_minimum(matrix: np.ndarray, linear: np.ndarray, high: float, start: np.n
     positive semidefinite: projected Newton steps (Bertsekas 1982)."""
     if not len(start):
         return start
+
+    # In units in which the matrix has a diagonal of ones.
     unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled, pull, top = matrix * unit * unit[:, None], linear * unit, high / unit
-    x = np.clip(start, 0.0, high) / unit
+    x: np.ndarray = np.clip(start, 0.0, high) / unit
     tolerance = 1e-13 * max(np.abs(pull).max(), 1e-300)
     for _ in range(BOX_ROUNDS):
+        # Held is what lies on a bound and is pushed onto it; Newton's step is for the others alone.
         slope = scaled @ x + pull
         held = ((x <= 0.0) & (slope >= 0.0)) | ((x >= top) & (slope <= 0.0))
         free = ~held
@@ -246,6 +276,8 @@ def box_minimum(matrix: np.ndarray, linear: np.ndarray, high: float, start: np.n
             break
         step = np.zeros_like(x)
         step[free] = -_solved(scaled[np.ix_(free, free)], slope[free])
+
+        # Its projection onto the box is shortened until the cost falls by a part of what its slope promises (Armijo).
         length = 1.0
         for _ in range(HALVINGS):
             moved = np.clip(x + length * step, 0.0, top) - x
@@ -264,7 +296,7 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """matrix^-1 right, the matrix of unit diagonal and perhaps singular."""
     for soft in (1e-14, 1e-12, 1e-10, 1e-8):
         try:
-            return cho_solve(cho_factor(matrix + soft * np.eye(len(matrix))), right)
+            return np.asarray(cho_solve(cho_factor(matrix + soft * np.eye(len(matrix))), right))
         except LinAlgError:
             continue
-    return np.linalg.lstsq(matrix, right, rcond=1e-8)[0]
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-8)[0])

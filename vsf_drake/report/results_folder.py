@@ -42,7 +42,7 @@ class ResultsFolder:
     sidecar: str = SIDECAR_FILE  # a YAML file that says the kind, instead of a table
     unfinished: Callable[[Path], bool] = lambda out: False  # whether a folder without a table is of an interrupted run
     # raises ValueError for a table that cannot be used, InputError for one in the file that it is given
-    valid: Callable[[Mapping[str, Any], Path], None] = lambda table, path: None
+    valid: Callable[[Mapping[str, Any], Path], object] = lambda table, path: None
     show: Callable[..., Mapping[str, Any]] | None = None
 
     def check(self, out: str | Path) -> Path:

@@ -1,4 +1,4 @@
-"""What the tunings of both levels share: costs by name, options, checks, and the table's keys."""
+"""What the tunings of both levels share: costs by name, checks and options."""
 
 from __future__ import annotations
 
@@ -17,27 +17,6 @@ WEIGHTED = "weighted"
 DESIGN = ("heel_stiffness", "alignment", "keel_thickness")  # what may be tuned beside the fulcrum
 SETTINGS = SOFTEST, OPTIMUM, STIFFEST, RECORDED = "softest", "optimum", "stiffest", "recorded"
 """Settings of the fulcrum that a reader compares; the recorded one is each trial's own, the device as it is."""
-FORMAT = "vsf_drake tuning 1"
-KEYS = (
-    "format", "level", "cost_name", "cost_label", "cost_unit", "optimal", "status", "fulcrum_mm", "cost", "at_bound",
-    "fulcrum_interval_mm", "interval_meaning", "design", "terms", "sweep", "outcomes", "solver", "confirmed_by",
-    "starts", "checks", "tasks", "common_fulcrum_mm", "pareto", "pareto_names", "robustness", "trials", "synthetic",
-    "notes", "wall_s", "provenance")
-"""Of `tuning.json`; all are always there. Costs and outcomes are in the units that the table names, positions of the
-fulcrum in mm from the keel's posterior end."""
-
-
-def check_tuning_table(table: Mapping[str, Any]) -> None:
-    """Raises ValueError for a table that lacks a key, has another format or claims an optimum without a position."""
-    missing = [key for key in KEYS if key not in table]
-    if missing:
-        raise ValueError(f"the table of a tuning lacks {', '.join(missing)}")
-    if table["format"] != FORMAT:
-        raise ValueError(f"the table's format is {table['format']!r}, not {FORMAT!r}")
-    if table["level"] not in (1, 2):
-        raise ValueError(f"{table['level']!r} is no level of a tuning")
-    if table["optimal"] and (table["fulcrum_mm"] is None or table["cost"] is None):
-        raise ValueError("an optimum has a position and a cost")
 
 
 def check_name(name: str, known: Sequence[str], where: str) -> str:
@@ -56,7 +35,7 @@ def check_cost(cost: str) -> str:
 
 @dataclass(frozen=True)
 class Check:
-    """What a solution was held against: the value found and the one asked for; `met` None where nothing is demanded or
+    """What a solution was held against: the value and the one asked for; `met` None where nothing is demanded or
     it could not be made."""
 
     name: str

@@ -81,7 +81,7 @@ def load_tuning_trials(
     if contact is not None:
         fitted = load_contact(contact)
         return TuningTrials(tuple(trial_with(trial, fitted, file=contact) for trial in trials), labels, ())
-    found, notes = [], [NO_CONTACT]
+    fitted_trials, notes = [], [NO_CONTACT]
     for i, (trial, label) in enumerate(zip(trials, labels, strict=True)):
         def show(count: int, cost: float, label: str = label, i: int = i) -> None:
             if progress:
@@ -92,8 +92,8 @@ def load_tuning_trials(
         if not fit.success or fit.at_bound:
             ended = f"ended on a bound ({', '.join(fit.at_bound)})" if fit.at_bound else f"failed: {fit.message}"
             notes.append(f"{label}: the fit of its offsets {ended}.")
-        found.append(dataclasses.replace(trial, offsets=fit.offsets))
-    return TuningTrials(tuple(found), labels, tuple(notes))
+        fitted_trials.append(dataclasses.replace(trial, offsets=fit.offsets))
+    return TuningTrials(tuple(fitted_trials), labels, tuple(notes))
 
 
 def check_one_person(trials: Sequence[Trial]) -> None:

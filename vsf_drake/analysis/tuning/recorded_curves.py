@@ -73,8 +73,8 @@ def closing_weights(times: np.ndarray, start: float, end: float, period_s: float
         return np.where(inside, near**3 * (10.0 - 15.0 * near + 6.0 * near**2), 0.0)
 
     reach = int(np.ceil((end - start) / period_s)) + 1
-    total = sum(rise(times + k * period_s) for k in range(-reach, reach + 1))
-    return rise(times) / np.where(total > 0.0, total, 1.0)
+    total = np.sum([rise(times + k * period_s) for k in range(-reach, reach + 1)], axis=0)
+    return np.asarray(rise(times) / np.where(total > 0.0, total, 1.0))
 
 
 def one_stride(record: Span, middle: float, period_s: float) -> Span:
@@ -98,18 +98,18 @@ def changes(times: np.ndarray, values: np.ndarray, period_s: float) -> np.ndarra
     early = times[times + period_s <= times[-1]]
     columns = values.reshape(len(values), -1).T
     later = np.array([np.interp(early + period_s, times, column) for column in columns]).T
-    return later.reshape(len(early), *values.shape[1:]) - values[: len(early)]
+    return np.asarray(later.reshape(len(early), *values.shape[1:]) - values[: len(early)])
 
 
 def advance_of(times: np.ndarray, values: np.ndarray, period_s: float) -> float:
     """Mean of the `changes` of values (n,), weighted toward the middle of the overlap, like `closing_weights`; from the
     mean rate if there are none."""
-    found = changes(times, values, period_s)
-    if len(found) < 2:
+    advances = changes(times, values, period_s)
+    if len(advances) < 2:
         return float((values[-1] - values[0]) * period_s / (times[-1] - times[0]))
-    early = times[: len(found)]
+    early = times[: len(advances)]
     x = (early - early[0]) / (early[-1] - early[0])
-    return float(np.average(found, weights=x**2 * (1.0 - x) ** 2 + 1e-9))
+    return float(np.average(advances, weights=x**2 * (1.0 - x) ** 2 + 1e-9))
 
 
 def periodic_acceleration(times: np.ndarray, rates: np.ndarray, weights: np.ndarray, period_s: float) -> PeriodicCurves:
@@ -196,9 +196,9 @@ class _Squares:
         self.on_grid = _harmonics(self.grid, self.period_s, curves.order)[0]
         self.pairs_on_grid = _pairs(self.on_grid, np.ones(count))
         rate = 2.0 * np.pi * np.fft.fftfreq(count, self.period_s / count)
-        kept = np.abs(np.fft.fftfreq(count, 1.0 / count)) <= curves.order
-        self.twice = np.fft.ifft((-(rate**2) * kept)[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
-        self.wish = acceleration.sample(self.grid)[0] @ np.array([1.0, 1j])
+        slow = np.abs(np.fft.fftfreq(count, 1.0 / count)) <= curves.order
+        self.twice = np.fft.ifft((-(rate**2) * slow)[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
+        self.wanted = acceleration.sample(self.grid)[0] @ np.array([1.0, 1j])
         self.scale = weights.sum() / count / ACCELERATION**2
 
     def curves(self, x: np.ndarray) -> PeriodicCurves:
@@ -206,17 +206,20 @@ class _Squares:
 
     def _off(self, x: np.ndarray, places: np.ndarray) -> np.ndarray:
         """r'' - a on the grid."""
-        return self.twice @ (places[:, -1] - x[self.last] * self.grid / self.period_s) - self.wish
+        return np.asarray(self.twice @ (places[:, -1] - x[self.last] * self.grid / self.period_s) - self.wanted)
 
     def cost(self, x: np.ndarray) -> float:
         now, d = self.curves(x), complex(*x[self.last + 1 :])
-        r = self._off(x, self.chain.with_mass(self.chain.points(now.sample(self.grid)[0])[0])[0])
+        r = self._off(x, self.chain.with_mass(self.chain.points(now.sample(self.grid)[0])))
         misfit = self.misfit.cost(now.sample(self.times)[0], d)
-        return float(self.weights @ misfit) + self.scale * float(np.sum(np.abs(r) ** 2))
+        return float(self.weights @ misfit + self.scale * np.sum(np.abs(r) ** 2))
 
     def terms(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
         """Cost, half its gradient, half its second derivatives in two parts, by slopes and by curvature."""
         now, d, last = self.curves(x), complex(*x[self.last + 1 :]), self.last
+
+        # What is recorded: q(t) = s t/T e_TX + basis(t) coefficients, so that an instant's blocks by q become those by
+        # the coefficients through its row of the basis, and those by the advance s through t/T.
         A, b, C, D, e, bent_places = self.misfit.normal(now.sample(self.times)[0], d)
         gone, weights = self.times / self.period_s, self.weights
         N = np.zeros((last + 3, last + 3))
@@ -229,7 +232,9 @@ class _Squares:
         N[last:, :last] = N[:last, last:].T
         N[last + 1 :, last] = N[last, last + 1 :]
         g = np.concatenate([(self.weighted.T @ b).ravel(), [(weights * gone) @ b[:, TX]], weights @ e])
-        places, J = self.chain.with_mass(*self.chain.points(now.sample(self.grid)[0], jacobian=True))
+
+        # The acceleration: r'' - a on the grid is linear in the places there, its curvature that of the mass's path.
+        places, J = map(self.chain.with_mass, self.chain.linearised(now.sample(self.grid)[0]))
         r, J_mass = self._off(x, places), J[:, -1]
         bent = self.chain.curvature(J_mass[:, None], self.scale * (self.twice.T @ r)[:, None])
         J_r = self.twice @ (self.on_grid[:, :, None] * J_mass[:, None, :]).reshape(len(self.grid), last)
@@ -242,11 +247,12 @@ class _Squares:
     def _spread(self, blocks: np.ndarray, pairs: np.ndarray) -> np.ndarray:
         """Blocks (., 8, 8) by q(t) as one by the coefficients."""
         summed = (blocks.reshape(len(blocks), 64).T @ pairs).reshape(8, 8, self.size, self.size)
-        return summed.transpose(2, 0, 3, 1).reshape(self.last, self.last)
+        return np.asarray(summed.transpose(2, 0, 3, 1)).reshape(self.last, self.last)
 
 
 def _pairs(basis: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    return (weights[:, None, None] * basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
+    """(n, b b) weighted products of the columns of a basis (n, b)."""
+    return np.asarray(weights[:, None, None] * basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
 
 
 # The ground's forces over a recorded stride, both feet, seen from the side and made periodic.
@@ -289,7 +295,7 @@ def forced_acceleration(forces: Mapping[str, FootForce], mass_kg: float) -> Peri
     feet = tuple(forces.values())
     if len(feet) < 2 or not all(np.isfinite(force.force).all() for force in feet):
         return None
-    rates = sum(force.force for force in feet) / mass_kg - np.array([0.0, GRAVITY])
+    rates = np.sum([force.force for force in feet], axis=0) / mass_kg - np.array([0.0, GRAVITY])  # F / m - g
     return periodic_acceleration(feet[0].time_s[1:], rates[1:], np.ones(len(rates) - 1), feet[0].period_s)
 
 
@@ -348,7 +354,7 @@ def _held(cop: np.ndarray) -> np.ndarray:
     if not known.size:
         return cop
     gap = np.abs(known - np.arange(len(cop))[:, None])
-    return cop[known[np.argmin(gap, axis=1)]]
+    return np.asarray(cop[known[np.argmin(gap, axis=1)]])
 
 
 def _parts(seen: np.ndarray, f: np.ndarray) -> tuple[tuple[float, float], int]:

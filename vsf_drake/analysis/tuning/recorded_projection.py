@@ -66,7 +66,8 @@ class BodyPoints(_Points):
 
     def seen(self, forward: np.ndarray) -> np.ndarray:
         """(n, k) complex x + i z of the points from the side, x along `forward` (2,), a unit vector in the floor."""
-        return self.places[..., :2] @ forward + 1j * self.places[..., 2]
+        along: np.ndarray = self.places[..., :2] @ forward
+        return along + 1j * self.places[..., 2]
 
 
 def body_points(walker: Walker, offsets: GeometricOffsets, names: Sequence[str], values: np.ndarray,
@@ -123,7 +124,7 @@ def body_points(walker: Walker, offsets: GeometricOffsets, names: Sequence[str],
 # Lengths are the Walker's own, read off its plant with every coordinate at zero.
 
 
-_TURNS = {"pelvis": ((TILT, 1.0),)}
+_TURNS: dict[str, tuple[tuple[int, float], ...]] = {"pelvis": ((TILT, 1.0),)}
 _TURNS["thigh_P"] = (*_TURNS["pelvis"], (HIP_P, 1.0))
 _TURNS["shank_P"] = (*_TURNS["thigh_P"], (KNEE_P, -1.0))
 _TURNS["thigh_I"] = (*_TURNS["pelvis"], (HIP_I, 1.0))
@@ -143,23 +144,31 @@ class SagittalChain(_Points):
     joints: dict[str, complex]  # by segment, its proximal joint in its parent's axes (m); the pelvis's is 0
     local: np.ndarray  # (k,) complex, the points from their segments' joints (m)
 
-    def points(self, q: np.ndarray, *, jacobian: bool = False) -> tuple[np.ndarray, np.ndarray | None]:
-        """(n, k) complex places for coordinates (n, 8), and (n, k, 8) complex derivatives if asked for."""
+    def points(self, q: np.ndarray) -> np.ndarray:
+        """(n, k) complex places for coordinates (n, 8)."""
+        return self._placed(q)[0]
+
+    def _placed(self, q: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The points, and by segment its proximal joint (n,)."""
         origin = {"pelvis": q[:, TX] + 1j * q[:, TY]}
         turn = {name: np.exp(1j * sum(sign * q[:, c] for c, sign in _TURNS[name])) for name in SEGMENTS}
         for name in SEGMENTS[1:]:
             parent = _PARENT[name]
             origin[name] = origin[parent] + self.joints[name] * turn[parent]
         names = [SEGMENTS[s] for s in self.segment]
-        places = np.stack([origin[name] + r * turn[name] for name, r in zip(names, self.local, strict=True)], axis=1)
-        if not jacobian:
-            return places, None
+        return np.stack([origin[name] + r * turn[name] for name, r in zip(names, self.local, strict=True)],
+                        axis=1), origin
+
+    def linearised(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The points, and their derivatives (n, k, 8), complex: a turn by a joint moves a point p about the joint's
+        place o by dp = i (p - o)."""
+        places, origin = self._placed(q)
         J = np.zeros((*places.shape, 8), dtype=complex)
         J[:, :, TX], J[:, :, TY] = 1.0, 1j
         pivot = {TILT: "pelvis", HIP_P: "thigh_P", KNEE_P: "shank_P", HIP_I: "thigh_I", KNEE_I: "shank_I",
                  ANKLE_I: "foot_I"}
-        for k, name in enumerate(names):
-            for c, sign in _TURNS[name]:
+        for k, segment in enumerate(self.segment):
+            for c, sign in _TURNS[SEGMENTS[segment]]:
                 J[:, k, c] = 1j * sign * (places[:, k] - origin[pivot[c]])
         return places, J
 
@@ -167,7 +176,7 @@ class SagittalChain(_Points):
         """(n, 8, 8) sum over points of Re(conj(pull) d2p/dq2): what curved paths add to a least-squares Hessian.
 
         d2p/dq_c dq_d is i s_c dp/dq_d, c being the joint nearer to the pelvis and s_c its sign. J (n, k, 8) are
-        derivatives from `points`, or sums of them; pull (n, k) complex residuals, each part times its weight.
+        derivatives from `linearised`, or sums of them; pull (n, k) complex residuals, each part times its weight.
         """
         turned = np.einsum("nk,nkd->nd", pull.conj(), 1j * J).real
         H = np.zeros((len(J), 8, 8))
@@ -179,13 +188,12 @@ class SagittalChain(_Points):
 
     def mass_center(self, q: np.ndarray) -> np.ndarray:
         """(n,) complex, m: the whole body's centre of mass."""
-        return self.points(q)[0] @ self.mass / self.mass.sum()
+        return np.asarray(self.points(q) @ self.mass / self.mass.sum())
 
-    def with_mass(self, places: np.ndarray, J: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
-        """The same with the whole body's centre of mass as a last point: (n, k + 1) and (n, k + 1, 8)."""
-        share = self.mass / self.mass.sum()
-        wider = np.concatenate([places, (places @ share)[:, None]], axis=1)
-        return wider, None if J is None else np.concatenate([J, np.einsum("k,nkc->nc", share, J)[:, None]], axis=1)
+    def with_mass(self, values: np.ndarray) -> np.ndarray:
+        """(n, k + 1, ...): values (n, k, ...) of the points and, last, that of the whole body's centre of mass."""
+        mean = np.einsum("k,nk...->n...", self.mass / self.mass.sum(), values)
+        return np.concatenate([values, mean[:, None]], axis=1)
 
     def near_floor(self, wanted: np.ndarray, ground: float) -> np.ndarray:
         """(n, k) from 0 to 1: how near the floor a contact sphere is; 0 for all other points."""
@@ -233,9 +241,9 @@ class Misfit:
 
     def cost(self, q: np.ndarray, d: complex) -> np.ndarray:
         """(n,) the sum of squares of every instant."""
-        r = self.chain.with_mass(self.chain.points(q)[0])[0] - self.wanted - d * self.shifted
-        return (np.sum(self.along * r.real**2 + self.height * r.imag**2, axis=1)
-                + (q - self.recorded) ** 2 @ self.turned)
+        r = self.chain.with_mass(self.chain.points(q)) - self.wanted - d * self.shifted
+        return np.asarray(np.sum(self.along * r.real**2 + self.height * r.imag**2, axis=1)
+                          + (q - self.recorded) ** 2 @ self.turned)
 
     def normal(self, q: np.ndarray, d: complex) -> tuple[np.ndarray, ...]:
         """Newton's blocks per instant: A (n, 8, 8), b (n, 8), C (n, 8, 2), D (n, 2), e (n, 2), B (n, 8, 8).
@@ -244,11 +252,11 @@ class Misfit:
         B is what the curvature of the points' paths adds, which may be negative: without it, steps overshoot twofold
         where a knee is nearly straight.
         """
-        places, J = self.chain.with_mass(*self.chain.points(q, jacobian=True))
+        places, J = map(self.chain.with_mass, self.chain.linearised(q))
         r, moved = places - self.wanted - d * self.shifted, self.shifted
         B = self.chain.curvature(J, self.along * r.real + 1j * self.height * r.imag)
         parts = ((self.along, r.real, J.real), (self.height, r.imag, J.imag))
-        A = sum(np.einsum("nkc,nkd->ncd", weight[:, :, None] * j, j) for weight, _, j in parts)
+        A = np.sum([np.einsum("nkc,nkd->ncd", weight[:, :, None] * j, j) for weight, _, j in parts], axis=0)
         A[:, range(8), range(8)] += self.turned
         along, height = (np.einsum("nk,nkc->nc", weight * off, j) for weight, off, j in parts)
         b = along + (height + self.turned * (q - self.recorded))
@@ -273,7 +281,7 @@ def make_misfit(chain: SagittalChain, wanted: np.ndarray, recorded: np.ndarray, 
             weight[:, rows] = (share[:, rows] / sigma**2 + (1.0 - share[:, rows]) / SWINGING**2) / len(rows)
     along[:, -1] = height[:, -1] = MASS**-2
     shifted = np.append([label.startswith("hip") for label in chain.labels], True)
-    return Misfit(chain, chain.with_mass(wanted)[0], along, height, shifted, recorded, turned)
+    return Misfit(chain, chain.with_mass(wanted), along, height, shifted, recorded, turned)
 
 
 def project(misfit: Misfit) -> tuple[np.ndarray, complex, bool]:
@@ -285,6 +293,9 @@ def project(misfit: Misfit) -> tuple[np.ndarray, complex, bool]:
         A, b, C, D, e, B = misfit.normal(q, d)
         A += B
         A[:, range(8), range(8)] += damping * np.abs(A[:, range(8), range(8)])
+
+        # d is the only unknown that all instants share: S dd = C'A^-1 b - e by the Schur complement S = D - C'A^-1 C
+        # of the instants' blocks, then dq = -A^-1 (b + C dd).
         solved = np.linalg.solve(A, np.concatenate([b[:, :, None], C], axis=2))
         S = np.diag(D.sum(axis=0)) - np.einsum("ncx,ncy->xy", C, solved[:, :, 1:])
         step_d = np.linalg.solve(S, np.einsum("ncx,nc->x", C, solved[:, :, 0]) - e.sum(axis=0))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -59,7 +60,7 @@ class RecordedStride:
     def sample(self, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates, rates and accelerations, each (n, 8), in m and rad, at any (n,) s since phase 0; a period later
         pelvis_tx has advanced."""
-        return self.curves.sample(times_s)
+        return self.curves.sample(np.asarray(times_s))
 
     def measured(self, foot: str, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of the "prosthetic" or "intact" foot: (n, 3) force along x and z (N) and moment about y at W's origin (N m),
@@ -104,9 +105,9 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     way = [column.mean() for column in periodic.changes(time, points.pelvis[:, :2], T).T if column.size]
     forward = np.array(way) / np.hypot(*way) if way else whole_way
     wanted, recorded = points.seen(forward), _along(motion, names, points, forward, rows)
-    span = periodic.one_stride((time[0], time[-1]), start + np.mean(prosthetic), T)
+    span = periodic.one_stride((time[0], time[-1]), start + 0.5 * sum(prosthetic), T)
     weights = periodic.closing_weights(time, *span, T)
-    rates = periodic.second_derivative(chain.with_mass(wanted)[0][:, -1], time, cutoff_hz=1.5 * periodic.HARMONICS / T)
+    rates = periodic.second_derivative(chain.with_mass(wanted)[:, -1], time, cutoff_hz=1.5 * periodic.HARMONICS / T)
     path = periodic.periodic_acceleration(time - start, rates, weights, T)
     inside = (time >= span[0]) & (time <= span[1])
     t, wanted, recorded, weights = time[inside] - start, wanted[inside], recorded[inside], weights[inside]
@@ -185,31 +186,32 @@ ON_FLOOR = 0.5  # spheres' worth of nearness to the floor from which on a foot i
 def _place_errors(chain: SagittalChain, final: np.ndarray, wanted: np.ndarray, share: np.ndarray, weights: np.ndarray,
                   standing: Mapping[str, np.ndarray]) -> dict[str, float]:
     """`place.*` of final coordinates (n, 8), with weights (n,) of the instants and (n, k) nearness to the floor."""
-    off = 1e3 * (chain.points(final)[0] - wanted)
-    found: dict[str, float] = {}
+    off = 1e3 * (chain.points(final) - wanted)
+    errors: dict[str, float] = {}
     for s, foot in FEET.items():
         rows = chain.rows(f"sphere {s}")
         near = share[:, rows].sum(axis=1)
         mean = (share[:, rows] * off[:, rows]).sum(axis=1) / np.maximum(near, 1e-9)
-        found[f"place.{foot}_foot_up_mm"] = _rms(mean.imag, weights * (near > ON_FLOOR) * standing[foot])
-    found["place.mass_center_up_mm"] = _rms((off @ chain.mass / chain.mass.sum()).imag, weights)
-    return found
+        errors[f"place.{foot}_foot_up_mm"] = _rms(mean.imag, weights * (near > ON_FLOOR) * standing[foot])
+    errors["place.mass_center_up_mm"] = _rms((off @ chain.mass / chain.mass.sum()).imag, weights)
+    return errors
 
 
 def force_errors(chain: SagittalChain, curves: PeriodicCurves, path: PeriodicCurves, forces: Mapping[str, FootForce],
                  mass_kg: float) -> dict[str, float]:
     """`parts.*` and `force.*`; a balance only where both feet's forces are known throughout the stride. The values of
     `path` are the acceleration (., 2) of the recorded motion's own centre of mass, m/s^2."""
-    found: dict[str, float] = {}
+    errors: dict[str, float] = {}
     for foot, force in forces.items():
         if force.parts_overlap_s > 0.0:
-            found[f"parts.{foot}_overlap_s"] = force.parts_overlap_s
-            found[f"parts.{foot}_along_n"], found[f"parts.{foot}_up_n"] = force.parts_differ
+            errors[f"parts.{foot}_overlap_s"] = force.parts_overlap_s
+            errors[f"parts.{foot}_along_n"], errors[f"parts.{foot}_up_n"] = force.parts_differ
     if len(forces) < len(FEET):
-        return found
+        return errors
     T = curves.period_s
     times = np.linspace(0.0, T, max(8, round(T / STEP_S)) + 1)
-    both, center = sum(force.sample(times)[0] for force in forces.values()), chain.mass_center(curves.sample(times)[0])
+    both = np.sum([force.sample(times)[0] for force in forces.values()], axis=0)
+    center = chain.mass_center(curves.sample(times)[0])
     inner = (center[2:] - 2.0 * center[1:-1] + center[:-2]) / (times[1] - times[0]) ** 2
     total = both[:, :2] / (mass_kg * GRAVITY)
     known = np.isfinite(total).all(axis=1)
@@ -217,22 +219,21 @@ def force_errors(chain: SagittalChain, curves: PeriodicCurves, path: PeriodicCur
                              ("recorded", path.sample(times)[0] @ [1.0, 1j])):
         needed = acceleration[known] / GRAVITY + 1j
         if known.any():
-            found[f"force.{of}_along_bw"] = _rms(needed.real - total[known, 0])
-            found[f"force.{of}_up_bw"] = _rms(needed.imag - total[known, 1])
+            errors[f"force.{of}_along_bw"] = _rms(needed.real - total[known, 0])
+            errors[f"force.{of}_up_bw"] = _rms(needed.imag - total[known, 1])
     if known.all():
-        along, up = np.trapezoid(total, times, axis=0) / T
-        found["force.balance_along_bw"], found["force.balance_up_bw"] = float(along), float(up) - 1.0
+        along, up = (float(np.trapezoid(column, times)) / T for column in total.T)
+        errors["force.balance_along_bw"], errors["force.balance_up_bw"] = along, up - 1.0
     about_center = both[:, 2] - (center.imag * both[:, 0] - center.real * both[:, 1])
     if np.isfinite(about_center).all():
-        found["force.balance_moment_nm"] = float(np.trapezoid(about_center, times) / T)
-    return found
+        errors["force.balance_moment_nm"] = float(np.trapezoid(about_center, times) / T)
+    return errors
 
 
 def _worst(errors: Mapping[str, float], start: str) -> tuple[str, float] | None:
     """The angle whose error, of those whose name begins so, is largest, and that, deg."""
-    found = {name: value for name, value in errors.items() if name.startswith(start)}
-    name = max(found, key=found.__getitem__, default=None)
-    return None if name is None else (name.removeprefix(start).removesuffix("_deg"), found[name])
+    error, name = max(((value, name) for name, value in errors.items() if name.startswith(start)), default=(0.0, None))
+    return None if name is None else (name.removeprefix(start).removesuffix("_deg"), error)
 
 
 def _rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
@@ -255,17 +256,17 @@ def _sides(trial: Trial) -> dict[str, str]:
 
 def _loaded_stances(trial: Trial) -> dict[str, list[Stance]]:
     """By "P" and "I", what the plates saw within the recorded motion; a stance that the motion cuts is marked so."""
-    found: dict[str, list[Stance]] = {}
+    stances: dict[str, list[Stance]] = {}
     first, last = trial.trajectory.start_s, trial.trajectory.end_s
     for s, side in _sides(trial).items():
         plate = trial.plates.get(side)
         own = [] if plate is None else find_stances(plate.time_s, plate.force_W[:, 2])
         missed = trial.unmeasured.get(side, ())
-        found[s] = [Stance(max(x.start_s, first), min(x.end_s, last), x.start_seen and x.start_s >= first,
+        stances[s] = [Stance(max(x.start_s, first), min(x.end_s, last), x.start_seen and x.start_s >= first,
                            x.end_seen and x.end_s <= last)
                     for x in own if x.end_s > first and x.start_s < last
                     and not any(a < 0.5 * (x.start_s + x.end_s) < b for a, b in missed)]
-    return found
+    return stances
 
 
 def _moved_stances(time_s: np.ndarray, points: BodyPoints, chain: SagittalChain) -> dict[str, list[Stance]]:
@@ -284,32 +285,34 @@ def _unknown_spans(trial: Trial, loaded: Mapping[str, Sequence[Stance]],
                   moved: Mapping[str, Sequence[Stance]]) -> dict[str, tuple[Span, ...]]:
     """By "P" and "I", when the foot stands on ground that no plate measures: stated by the trial, or told by a stance
     in the motion of which more than 0.12 s is on no plate."""
-    found: dict[str, tuple[Span, ...]] = {}
+    unknown: dict[str, tuple[Span, ...]] = {}
     for s, side in _sides(trial).items():
         if trial.unmeasured.get(side):
-            found[s] = tuple(trial.unmeasured[side])
+            unknown[s] = tuple(trial.unmeasured[side])
             continue
         plate = trial.plates.get(side)
-        spans = []
-        for stance in moved[s] if plate is not None else ():
+        spans: list[Span] = []
+        for stance in moved[s]:
+            if plate is None:
+                break
             start, end = max(stance.start_s, plate.time_s[0]), min(stance.end_s, plate.time_s[-1])
             own = [(x.start_s, x.end_s) for x in loaded[s] if min(x.end_s, end) > max(x.start_s, start)]
             edges = [start, *(edge for span in sorted(own) for edge in span), end]
             gap = max((b - a for a, b in zip(edges[::2], edges[1::2], strict=True)), default=0.0)
             if gap > min(TOLERANCE_S, 0.5 * (end - start)) and end > start:
                 spans.append((min([start, *(a for a, _ in own)]) - WIDEN_S, max([end, *(b for _, b in own)]) + WIDEN_S))
-        found[s] = tuple(spans)
-    return found
+        unknown[s] = tuple(spans)
+    return unknown
 
 
-def _heading(points: BodyPoints, *, file: object = None) -> np.ndarray:
+def _heading(points: BodyPoints, *, file: Path | None = None) -> np.ndarray:
     """(2,) unit vector in the floor along which the pelvis travels; InputError if it hardly does."""
     way = (points.pelvis[-1] - points.pelvis[0])[:2]
     length = float(np.linalg.norm(way))
     if length < LEAST_WAY_M:
         raise InputError(f"the pelvis gets only {length:.2f} m ahead", file=file, where="kinematics",
                          right="On a treadmill, give the manifest its belt_speed_m_per_s")
-    return way / length
+    return np.asarray(way / length)
 
 
 def _within_stride(stances: Sequence[Stance], moved: Sequence[Stance], start_s: float,
@@ -336,7 +339,7 @@ def _within(times: np.ndarray, stance: Span | None, period_s: float) -> np.ndarr
     return np.mod(times - stance[0], period_s) <= stance[1] - stance[0] if stance else np.ones(len(times), dtype=bool)
 
 
-def _first_strike(stances: Sequence[Stance], window: Span, *, file: object) -> Stance:
+def _first_strike(stances: Sequence[Stance], window: Span, *, file: Path | None) -> Stance:
     """The prosthetic stance that a stride begins with: the first whole one in the window, or one whose strike is seen;
     InputError if there is none."""
     inside = [x for x in stances if window[0] - 1e-9 <= x.start_s <= window[1]]
@@ -365,7 +368,7 @@ LARGEST_CLOSING = np.radians(8.0)
 
 def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[np.ndarray, np.ndarray]],
                 loaded: Mapping[str, Sequence[Stance]], moved: Mapping[str, Sequence[Stance]], *,
-                file: object = None) -> tuple[float, str]:
+                file: Path | None = None) -> tuple[float, str]:
     """The stride of a recording in seconds, and in words by what.
 
     Two strikes or two lift-offs of one foot on the plates tell it; else two of them in the motion, sharpened by
@@ -458,8 +461,8 @@ class _Alike:
         costs = [self.cost(shift) for shift in shifts]
         at = int(np.argmin(costs))
         near = (max(low, shifts[at] - 2 * GRID_S), min(high, shifts[at] + 2 * GRID_S))
-        found = minimize_scalar(self.cost, bounds=near, method="bounded", options={"xatol": 1e-5})
-        return float(found.x), 0 < at < len(shifts) - 1
+        least = minimize_scalar(self.cost, bounds=near, method="bounded", options={"xatol": 1e-5})
+        return float(least.x), 0 < at < len(shifts) - 1
 
     def closing(self, seconds: float) -> float:
         """RMS difference of the angles; NaN without an overlap."""

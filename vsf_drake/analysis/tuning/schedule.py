@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 
+from vsf_drake.analysis.tuning.table import Provenance, TuningTable
 from vsf_drake.errors import FitError, InputError
-from vsf_drake.files import read_json, user_path
+from vsf_drake.files import read_json, record, user_path
 from vsf_drake.schema import load_yaml, quantity
 
 DESCRIPTORS = {"speed_m_per_s": "m/s", "slope_deg": "°", "carried_kg": "kg"}
@@ -60,26 +61,26 @@ class _TaskFile:
 
 def read_tasks(words: Sequence[str]) -> tuple[Task, ...]:
     """Tasks as they are named on the command line: LABEL=TRIAL.yaml, or task files; see the module's text."""
-    found: dict[str, Task] = {}
+    tasks: dict[str, Task] = {}
     for word in words:
         for task in [_named(word)] if "=" in word else _listed(user_path(word)):
-            known = found.get(task.label)
+            known = tasks.get(task.label)
             if known is not None and known.descriptors != task.descriptors:
                 raise InputError(f"{task.label!r} is described in two ways", where="TASKS",
                                  right="Give every task a label of its own")
             before = () if known is None else known.trials
-            found[task.label] = dataclasses.replace(task, trials=(*before, *task.trials))
-    if len(found) < 2:
-        raise InputError(f"{len(found)} task{'s' * (len(found) != 1)} make no schedule", where="TASKS",
+            tasks[task.label] = dataclasses.replace(task, trials=(*before, *task.trials))
+    if len(tasks) < 2:
+        raise InputError(f"{len(tasks)} task{'s' * (len(tasks) != 1)} make no schedule", where="TASKS",
                          right="Name two or more: LABEL=TRIAL.yaml, or a task file; `vsf-drake tune` finds one setting")
     owner: dict[Path, str] = {}
-    for task in found.values():
+    for task in tasks.values():
         for manifest in task.manifests:
             if manifest.resolve() in owner:
                 raise InputError("is named twice", file=manifest, where=f"{owner[manifest.resolve()]} and {task.label}",
                                  right="Every trial belongs to one task, once")
             owner[manifest.resolve()] = task.label
-    return tuple(found.values())
+    return tuple(tasks.values())
 
 
 def _named(word: str) -> Task:
@@ -90,7 +91,7 @@ def _named(word: str) -> Task:
 
 
 def _listed(path: Path) -> list[Task]:
-    tasks = []
+    tasks: list[Task] = []
     for i, task in enumerate(load_yaml(path, _TaskFile).tasks):
         if not task.label.strip():
             raise InputError("is empty", file=path, where=f"tasks[{i}].label", right="Give the task a name")
@@ -107,18 +108,29 @@ def _listed(path: Path) -> list[Task]:
 # What is stored for them.
 
 
+POLICY_FORMAT = "vsf_drake schedule 1"
+LOOKUP = (
+    "Between tasks the setting is linear in what tells them apart; outside of the table it is that of the nearest "
+    "edge; then it is put within the carriage's reach and on its resolution.")
 GRID_MM = 0.01  # of the search for the setting that is best for all
 SAME = 1e-9
 Curve = Callable[[Any], np.ndarray]
 Span = tuple[float, float]
 
 
+@dataclass(frozen=True)
+class CostCurve:
+    """A task's cost over the fulcrum, as its tuning swept it."""
+
+    fulcrum_mm: tuple[float, ...] = ()
+    cost: tuple[float, ...] = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class TaskSetting:
-    """A row of the policy; None where a task has no result."""
+    """A row of the policy; None where a task has no result, and for descriptors that are not known."""
 
     label: str
-    descriptors: Mapping[str, float | None]  # by name of DESCRIPTORS, None where not known
     fulcrum_mm: float | None  # what is stored: within the reach, rounded to the carriage's resolution
     exact_mm: float | None  # before that
     cost: float | None  # at what is stored
@@ -130,21 +142,39 @@ class TaskSetting:
     setting, and the one for all lies outside of the interval. None if that is not known."""
     optimal: bool  # whether the tuning of the task ended at an optimum
     status: str  # how it ended
+    speed_m_per_s: float | None = None
+    slope_deg: float | None = None
+    carried_kg: float | None = None
+    trials: tuple[str, ...] = ()
+    recorded_mm: tuple[float, ...] = ()  # where the fulcrum stood in each
+    sweep: CostCurve = CostCurve()
+    rest: float | None = None  # the cost at its own setting, without terms that only hold to the recording
+    rest_common: float | None = None  # and at the one for all
+
+    @property
+    def descriptors(self) -> dict[str, float | None]:
+        """By name of DESCRIPTORS."""
+        return {name: getattr(self, name) for name in DESCRIPTORS}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """The policy table."""
+    """The policy table, as `policy.json` holds it beside LOOKUP."""
 
-    tasks: tuple[TaskSetting, ...]
+    format: str = POLICY_FORMAT
+    optimal: bool  # whether every task's tuning ended at an optimum
     common_fulcrum_mm: float | None  # the one setting that is best for all; None if a task has no result
     reach_mm: Span  # of the carriage
     resolution_mm: float | None  # its steps from the lower end of its reach; None for none
-
-    @property
-    def optimal(self) -> bool:
-        """Whether every task's tuning ended at an optimum."""
-        return all(task.optimal for task in self.tasks)
+    tasks: tuple[TaskSetting, ...]
+    cost_name: str
+    cost_label: str
+    cost_unit: str
+    level: int
+    synthetic: bool
+    notes: tuple[str, ...] = ()
+    wall_s: float | None = None
+    provenance: Provenance | None = None
 
     def check(self) -> Schedule:
         """This schedule. Raises FitError if a task's tuning did not end at an optimum."""
@@ -173,29 +203,31 @@ class Schedule:
         axes: dict[str, np.ndarray] = {}
         at = []
         for name, value in zip(DESCRIPTORS, (speed, slope, carried), strict=True):
-            known = {task.descriptors.get(name) for task in self.tasks}
+            values = {task.descriptors[name] for task in self.tasks}
+            known = {number for number in values if number is not None}
             if value is not None and not math.isfinite(value):
                 raise InputError(f"{value} is no value", where=name)
-            if value is not None and known == {None}:
+            if value is not None and not known:
                 raise InputError("no task of this schedule says its own", where=name,
                                  right="Describe the tasks in the task file")
-            if len(known) < 2:
+            if len(values) < 2:
                 continue
-            if None in known:
+            if None in values:
                 raise InputError("some tasks say it and others do not", where=name,
                                  right="Describe all tasks in the task file, or none")
             if value is None:
                 raise InputError("is missing: the tasks differ in it", where=name,
                                  right=f"Give it in {DESCRIPTORS[name]}")
-            axes[name] = np.array(sorted(known), dtype=float)
+            axes[name] = np.array(sorted(known))
             at.append(float(np.clip(value, axes[name][0], axes[name][-1])))
         if not axes:
             raise InputError("the tasks of this schedule are told apart by nothing", where="lookup",
                              right="Give their speeds, slopes or loads in a task file")
-        found = RegularGridInterpolator(tuple(axes.values()), self._grid(axes), method="linear")(at)
-        return on_carriage(float(found[0]), self.reach_mm, self.resolution_mm)
+        exact_mm = RegularGridInterpolator(tuple(axes.values()), self._grid(axes), method="linear")(at)
+        return on_carriage(float(exact_mm[0]), self.reach_mm, self.resolution_mm)
 
     def _grid(self, axes: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Settings before rounding over the axes' values."""
         grid = np.full([len(values) for values in axes.values()], np.nan)
         for task in self.tasks:
             at = tuple(values.tolist().index(task.descriptors[name]) for name, values in axes.items())
@@ -211,12 +243,12 @@ class Schedule:
 
 
 def make_schedule(
-    tuned: Sequence[tuple[str, Mapping[str, float | None], Mapping[str, Any]]], *, reach_mm: Span,
-    resolution_mm: float | None = None
+    tuned: Iterable[tuple[Task, TuningTable]], *, reach_mm: Span, resolution_mm: float | None = None
 ) -> Schedule:
-    """The schedule of tasks that were tuned by themselves: label, descriptors and the table (`tuning.json`) of each."""
+    """The schedule of one task or more, each with the table of its own tuning."""
     check_steps(reach_mm, resolution_mm)
-    curves = [_cost_curve(table) for _, _, table in tuned]
+    tuned = list(tuned)
+    curves = [_cost_curve(table) for _, table in tuned]
 
     def cost(curve: Curve | None, fulcrum_mm: float | None) -> float | None:
         return None if curve is None or fulcrum_mm is None else float(curve(fulcrum_mm))
@@ -224,24 +256,30 @@ def make_schedule(
     known = [curve for curve in curves if curve is not None]
     common = _best_common(known, reach_mm, resolution_mm) if len(known) == len(tuned) else None
     rows = []
-    for (label, descriptors, table), curve in zip(tuned, curves, strict=True):
-        exact, interval = table["fulcrum_mm"], table["fulcrum_interval_mm"]
+    for (task, table), curve in zip(tuned, curves, strict=True):
+        exact, (x, y) = table.fulcrum_mm, table.swept()
         stored = None if exact is None else on_carriage(exact, reach_mm, resolution_mm)
-        interval = None if interval is None else (float(interval[0]), float(interval[1]))
         rows.append(TaskSetting(
-            label=label, descriptors=dict(descriptors), fulcrum_mm=stored, exact_mm=exact, cost=cost(curve, stored),
-            cost_exact=table["cost"], cost_common=cost(curve, common), interval_mm=interval,
-            matters=_matters(table, interval, common), optimal=bool(table["optimal"]), status=str(table["status"])))
-    return Schedule(tasks=tuple(rows), common_fulcrum_mm=common, reach_mm=reach_mm, resolution_mm=resolution_mm)
+            label=task.label, **task.descriptors, fulcrum_mm=stored, exact_mm=exact, cost=cost(curve, stored),
+            cost_exact=table.cost, cost_common=cost(curve, common), interval_mm=table.fulcrum_interval_mm,
+            matters=_matters(table, common), optimal=table.optimal, status=table.status, trials=table.trials,
+            recorded_mm=table.recorded_mm, sweep=CostCurve(tuple(x.tolist()), tuple(y.tolist())),
+            rest=table.rest_at(stored), rest_common=table.rest_at(common)))
+    first = tuned[0][1]
+    return Schedule(
+        optimal=all(row.optimal for row in rows), common_fulcrum_mm=common, reach_mm=reach_mm,
+        resolution_mm=resolution_mm, tasks=tuple(rows), cost_name=first.cost_name, cost_label=first.cost_label,
+        cost_unit=first.cost_unit, level=first.level, synthetic=any(table.synthetic for _, table in tuned))
 
 
-def _matters(table: Mapping[str, Any], interval: Span | None, common: float | None) -> bool | None:
-    depends = next((row["matters"] for row in table["outcomes"] if row["name"] in ("cost", table["cost_name"])), None)
-    if not table["optimal"] or common is None:
+def _matters(table: TuningTable, common: float | None) -> bool | None:
+    """Of `TaskSetting`."""
+    outcome, interval = table.cost_outcome, table.fulcrum_interval_mm
+    if not table.optimal or common is None:
         return None
-    if depends is False or (interval is not None and interval[0] <= common <= interval[1]):
+    if (outcome and outcome.matters is False) or (interval and interval[0] <= common <= interval[1]):
         return False
-    return True if depends and interval is not None else None
+    return True if outcome and outcome.matters and interval else None
 
 
 def check_steps(reach_mm: Span, resolution_mm: float | None) -> None:
@@ -252,12 +290,12 @@ def check_steps(reach_mm: Span, resolution_mm: float | None) -> None:
                          right=f"It must be above 0 and at most the reach, {high - low:g} mm")
 
 
-def _cost_curve(table: Mapping[str, Any]) -> Curve | None:
+def _cost_curve(table: TuningTable) -> Curve | None:
     """The cost over the fulcrum (mm) through the sweep's points and the optimum; None with fewer than two points."""
-    points = {float(row["fulcrum_mm"]): float(row["cost"]) for row in table["sweep"] if row["cost"] is not None}
-    if table["optimal"] and table["fulcrum_mm"] is not None and table["cost"] is not None:
-        points = {x: y for x, y in points.items() if abs(x - table["fulcrum_mm"]) > 1e-6}
-        points[float(table["fulcrum_mm"])] = float(table["cost"])
+    points = dict(zip(*(values.tolist() for values in table.swept()), strict=True))
+    if table.optimal and table.fulcrum_mm is not None and table.cost is not None:
+        points = {x: y for x, y in points.items() if abs(x - table.fulcrum_mm) > 1e-6}
+        points[table.fulcrum_mm] = table.cost
     if len(points) < 2:
         return None
     x = np.array(sorted(points))
@@ -285,40 +323,14 @@ def on_carriage(fulcrum_mm: float, reach_mm: Span, resolution_mm: float | None) 
     return low + steps * resolution_mm
 
 
-# A schedule as plain numbers, and back: what `policy.json` holds and a controller reads.
-
-
-POLICY_FORMAT = "vsf_drake schedule 1"
-LOOKUP = (
-    "Between tasks the setting is linear in what tells them apart; outside of the table it is that of the nearest "
-    "edge; then it is put within the carriage's reach and on its resolution.")
-
-
-def policy_table(schedule: Schedule) -> dict[str, Any]:
-    """Tasks, the one setting for all, reach and resolution."""
-    rows = [vars(task) | dict.fromkeys(DESCRIPTORS) | task.descriptors for task in schedule.tasks]
-    return {
-        "format": POLICY_FORMAT, "optimal": schedule.optimal, "common_fulcrum_mm": schedule.common_fulcrum_mm,
-        "reach_mm": list(schedule.reach_mm), "resolution_mm": schedule.resolution_mm, "lookup": LOOKUP,
-        "tasks": [{name: value for name, value in row.items() if name != "descriptors"} for row in rows]}
-
-
 def schedule_of(table: Mapping[str, Any], *, file: str | Path | None = None) -> Schedule:
-    """The schedule that `policy_table` wrote; InputError if it is of another format or something is missing in it."""
+    """The schedule that a `policy.json` holds; InputError if it is of another format or something is missing in it."""
     if table.get("format") != POLICY_FORMAT:
         raise InputError("is no policy table", file=file, right="Name the policy.json that `vsf-drake schedule` wrote")
-    own = [item.name for item in dataclasses.fields(TaskSetting) if item.name not in ("descriptors", "interval_mm")]
     try:
-        tasks = tuple(TaskSetting(
-            descriptors={name: row[name] for name in DESCRIPTORS}, **{name: row[name] for name in own},
-            interval_mm=None if row["interval_mm"] is None else (row["interval_mm"][0], row["interval_mm"][1]))
-            for row in table["tasks"])
-        low, high = table["reach_mm"]
-        return Schedule(tasks=tasks, common_fulcrum_mm=table["common_fulcrum_mm"], reach_mm=(float(low), float(high)),
-                        resolution_mm=table["resolution_mm"])
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise InputError(f"cannot be used ({type(error).__name__}: {error})", file=file,
-                         right="Run `vsf-drake schedule` again") from None
+        return record(Schedule, table)
+    except ValueError as error:
+        raise InputError(f"cannot be used ({error})", file=file, right="Run `vsf-drake schedule` again") from None
 
 
 def load_schedule(path: str | Path) -> Schedule:

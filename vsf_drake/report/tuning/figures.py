@@ -11,9 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vsf_drake.analysis.tuning.schedule import Schedule, TaskSetting
+from vsf_drake.analysis.tuning.table import TaskOptimum, TuningTable
 from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, condition_colour, drawing, label
 from vsf_drake.report.tuning import reading
-from vsf_drake.report.tuning.reading import Arrays, Table
+from vsf_drake.report.tuning.reading import Arrays
 
 NOT_OPTIMAL = "NOT OPTIMAL"
 FULCRUM = "fulcrum from the keel's end (mm)"
@@ -26,13 +28,13 @@ def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
     """`draw`, which fills a figure of a table, as a function that returns it in the common look: above it that there is
     no optimum, that data are synthetic."""
     @wraps(draw)
-    def drawn(table: Table, *others: Any) -> Figure:
+    def drawn(table: TuningTable | Schedule, *others: Any) -> Figure:
         with drawing(_WIDE, 1.0) as figure:
             draw(figure, table, *others)
-            said = NOT_OPTIMAL * (not table["optimal"]), "SYNTHETIC trials, not recorded" * bool(table["synthetic"])
+            said = NOT_OPTIMAL * (not table.optimal), "SYNTHETIC trials, not recorded" * bool(table.synthetic)
             if any(said):
                 figure.suptitle("; ".join(filter(None, said)), x=0.01, ha="left", fontsize=10.5,
-                                color="black" if table["optimal"] else _FAILED)
+                                color="black" if table.optimal else _FAILED)
         return figure
 
     return drawn
@@ -68,29 +70,29 @@ def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
                        **look})
 
 
-def _one_for_all(axes: Axes, table: Table) -> None:
-    common = table["common_fulcrum_mm"]
+def _one_for_all(axes: Axes, table: TuningTable | Schedule) -> None:
+    common = table.common_fulcrum_mm
     if common is not None:
         axes.axvline(common, color=NEUTRAL, linestyle="--", linewidth=1.3, label=f"one for all, {common:.1f} mm")
 
 
-def _mark_positions(axes: Axes, table: Table, *, named: bool = True) -> None:
+def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> None:
     """The interval of the optimum as a band, and lines where the fulcrum was recorded and where it ended."""
-    interval = table["fulcrum_interval_mm"]
-    if interval is not None and table["optimal"]:
+    interval = table.fulcrum_interval_mm
+    if interval is not None and table.optimal:
         axes.axvspan(*interval, color=SHADE, zorder=0, label="its interval" if named else None)
     for i, mm in enumerate(reading.recorded_positions(table)):
         axes.axvline(mm, color=NEUTRAL, linestyle=":", linewidth=1.2, zorder=1,
                      label="recorded" if named and not i else None)
-    if table["fulcrum_mm"] is not None:
-        axes.axvline(table["fulcrum_mm"], color=_colour(table["fulcrum_mm"]) if table["optimal"] else _FAILED,
+    if table.fulcrum_mm is not None:
+        axes.axvline(table.fulcrum_mm, color=_colour(table.fulcrum_mm) if table.optimal else _FAILED,
                      linewidth=1.0, zorder=1)
 
 
 @_drawn
-def cost_curve_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
+def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
     """Left, the cost with its optimum; right, what each of its terms adds as the fulcrum leaves the optimum."""
-    terms = [row for row in table["terms"] if len(reading.swept(table, "terms", row["name"])[0])]
+    terms = [row for row in table.terms if len(table.swept("terms", row.name)[0])]
     several = len(terms) > 1
     figure.set_size_inches(_WIDE if several else 7.4, 4.3)
     panels = figure.subplots(1, 1 + several, squeeze=False)[0]
@@ -98,55 +100,55 @@ def cost_curve_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
     if several:
         panels[1].axhline(0.0, color="0.4", linewidth=0.8)
         for i, row in enumerate(terms):
-            x, y = reading.swept(table, "terms", row["name"])
-            _curve(panels[1], x, y - (row["value"] if row["value"] is not None else float(y.min())),
+            x, y = table.swept("terms", row.name)
+            _curve(panels[1], x, y - (row.value if row.value is not None else float(y.min())),
                    color=f"{0.08 + 0.5 * i / len(terms):.2f}", linewidth=1.6, linestyle=_DASHES[i % 6],
-                   marker=MARKERS[i % len(MARKERS)], label=row["label"])
-        label(panels[1], x=FULCRUM, y=f"change from the optimum ({table['cost_unit']})", title="What each term adds")
+                   marker=MARKERS[i % len(MARKERS)], label=row.label)
+        label(panels[1], x=FULCRUM, y=f"change from the optimum ({table.cost_unit})", title="What each term adds")
     for axes in panels:
         _mark_positions(axes, table)
         _legend(axes)
 
 
-def _cost(axes: Axes, table: Table, arrays: Arrays) -> None:
-    x_of, trials, best = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials"), table["fulcrum_mm"]
+def _cost(axes: Axes, table: TuningTable, arrays: Arrays) -> None:
+    x_of, trials, best = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials"), table.fulcrum_mm
     if x_of is not None and trials is not None and np.shape(trials)[1] > 1:
         own = np.asarray(trials, dtype=float).T
         at = int(np.argmin(np.abs(np.asarray(x_of) - (best or np.median(x_of)))))
         for i, values in enumerate(own):
             axes.plot(x_of, values - values[at] + own[:, at].mean(), color="0.75", linewidth=0.9, zorder=1,
                       label="one trial, shifted" if i == 0 else None)
-    _curve(axes, *reading.swept(table), linewidth=1.8, label="cost")
-    if best is not None and table["cost"] is not None:
+    _curve(axes, *table.swept(), linewidth=1.8, label="cost")
+    if best is not None and table.cost is not None:
         look = {"marker": "*", "markersize": 15, "color": "white", "markeredgecolor": _colour(best),
-                "markeredgewidth": 1.6, "label": f"optimum, {best:.1f} mm"} if table["optimal"] else {
+                "markeredgewidth": 1.6, "label": f"optimum, {best:.1f} mm"} if table.optimal else {
             "marker": "x", "markersize": 11, "color": _FAILED, "markeredgewidth": 2.4,
             "label": f"last iterate, {NOT_OPTIMAL}"}
-        _point(axes, best, best, table["cost"], zorder=5, **look)
-    label(axes, x=FULCRUM, y=f"{table['cost_label']} ({table['cost_unit']})", title="Cost over the whole range")
+        _point(axes, best, best, table.cost, zorder=5, **look)
+    label(axes, x=FULCRUM, y=f"{table.cost_label} ({table.cost_unit})", title="Cost over the whole range")
 
 
 @_drawn
-def outcomes_figure(figure: Figure, table: Table) -> None:
+def outcomes_figure(figure: Figure, table: TuningTable) -> None:
     """One panel an outcome; the grey band is its uncertainty about the value at the optimum."""
-    rows, best = reading.shown_outcomes(table), table["fulcrum_mm"]
+    rows, best = reading.shown_outcomes(table), table.fulcrum_mm
     across = min(3, len(rows))
     figure.set_size_inches(_WIDE if across > 1 else 6.0, 0.5 + 2.5 * -(-len(rows) // across))
     for axes, row in zip(_panels(figure, len(rows), across, FULCRUM), rows, strict=True):
-        x, y = reading.swept(table, "outcomes", row["name"])
+        x, y = table.swept("outcomes", row.name)
         _mark_positions(axes, table, named=False)
-        here, error = row["optimum"], row["uncertainty"]
+        here, error = row.optimum, row.uncertainty
         if here is not None and error is not None:
             axes.axhspan(here - error, here + error, color="0.8", alpha=0.5, zorder=0)
         _curve(axes, x, y, linewidth=1.5, markersize=3.0)
-        if here is not None and best is not None and table["optimal"]:
+        if here is not None and best is not None and table.optimal:
             _point(axes, best, best, here, marker="*", markersize=12, color="white", zorder=5,
                    markeredgecolor=_colour(best), markeredgewidth=1.4)
         if np.ptp(y) == 0.0:
             axes.margins(y=0.5)
-        axes.set_ylabel(row["unit"] if row["unit"] not in ("", "1") else "no unit")
-        hardly = ": hardly changes" if row["matters"] is False else ""
-        axes.set_title(textwrap.fill(f"{row['label']}{hardly}", 38), loc="left")
+        axes.set_ylabel(row.unit if row.unit not in ("", "1") else "no unit")
+        hardly = ": hardly changes" if row.matters is False else ""
+        axes.set_title(textwrap.fill(f"{row.label}{hardly}", 38), loc="left")
 
 
 # Forces, motion and torques at the optimum: against the recorded ones, and simulated again with the full keel.
@@ -177,7 +179,7 @@ def _forces(
 
 
 @_drawn
-def stride_force_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
+def stride_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
     """Level 2: forces of both feet over the gait cycle, as far as `arrays` has them."""
     rows = {f"{name}, ": f"grf_{foot}" for foot, name in reading.FEET.items() if f"grf_{foot}" in arrays}
     figure.set_size_inches(_WIDE, 0.7 + 2.6 * len(rows))
@@ -186,13 +188,13 @@ def stride_force_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
 
 
 @_drawn
-def stance_force_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
+def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
     """Level 1: the prosthetic foot's force in up to three trials, at three settings and as recorded."""
-    shown, swept_mm = reading.drawn_trials(table, arrays), [row["fulcrum_mm"] for row in table["sweep"]]
+    shown, swept_mm = reading.drawn_trials(table, arrays), [row.fulcrum_mm for row in table.sweep]
     looks = {"recorded": _RECORDED}
-    ends = (min(swept_mm, default=None), table["fulcrum_mm"], max(swept_mm, default=None))
+    ends = (min(swept_mm, default=None), table.fulcrum_mm, max(swept_mm, default=None))
     for name, mm, dashes in zip(reading.SHOWN, ends, ((0, (1, 1)), "-", (0, (5, 2))), strict=True):
-        called = name if table["optimal"] or name != "optimum" else "last iterate"
+        called = name if table.optimal or name != "optimum" else "last iterate"
         looks[name] = {"color": condition_colour(None if mm is None else 1e-3 * mm), "linestyle": dashes,
                        "linewidth": 1.4, "label": called if mm is None else f"{called}, {mm:.0f} mm"}
     figure.set_size_inches(_WIDE, 0.9 + 2.7 * len(shown))
@@ -202,7 +204,7 @@ def stance_force_figure(figure: Figure, table: Table, arrays: Arrays) -> None:
 
 
 @_drawn
-def course_figure(figure: Figure, table: Table, arrays: Arrays, key: str) -> None:
+def course_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) -> None:
     """Level 2: coordinates (`key` "q") or joint torques ("torque") over the gait cycle, and the recorded ones."""
     count = np.shape(arrays[key])[1]
     names, across = map(str, arrays["names"][-count:]), 4 if count > 6 else 3
@@ -223,7 +225,7 @@ def course_figure(figure: Figure, table: Table, arrays: Arrays, key: str) -> Non
 def _course(name: str, values: np.ndarray) -> np.ndarray:
     """In the unit that is shown: degrees; or mm about a straight line, which for the pelvis's way is its progress."""
     if name not in reading.LENGTHS:
-        return np.degrees(values)
+        return np.asarray(np.degrees(values))
     i = np.arange(len(values))
     return np.asarray(1e3 * (values - np.polyval(np.polyfit(i, values, 1 if name == "pelvis_tx" else 0), i)))
 
@@ -232,67 +234,68 @@ def _course(name: str, values: np.ndarray) -> np.ndarray:
 
 
 @_drawn
-def pareto_figure(figure: Figure, table: Table) -> None:
+def pareto_figure(figure: Figure, table: TuningTable) -> None:
     """The front of two costs: each point is the best that one weight gives."""
-    rows = [row for row in table["pareto"] if row["first"] is not None and row["second"] is not None]
-    first, second = (f"{name.replace('_', ' ')} (in its unit)" for name in table["pareto_names"])
+    points = [(row.fulcrum_mm, (row.first, row.second)) for row in table.pareto
+              if row.fulcrum_mm is not None and row.first is not None and row.second is not None]
+    first, second = (f"{name.replace('_', ' ')} (in its unit)" for name in table.pareto_names)
     figure.set_size_inches(7.4, 4.4)
     axes = figure.subplots()
-    axes.plot([row["first"] for row in rows], [row["second"] for row in rows], color=NEUTRAL, linewidth=1.0)
-    wide, tall = (max(float(np.ptp([row[key] for row in rows] or [0.0])), 1e-300) for key in ("first", "second"))
-    named: list[Table] = []
-    for row in rows:
-        _point(axes, row["fulcrum_mm"], row["first"], row["second"], markersize=7)
+    x, y = ([at[k] for _, at in points] for k in (0, 1))
+    axes.plot(x, y, color=NEUTRAL, linewidth=1.0)
+    wide, tall = (max(float(np.ptp(values or [0.0])), 1e-300) for values in (x, y))
+    named: list[tuple[float, float]] = []
+    for mm, (at_x, at_y) in points:
+        _point(axes, mm, at_x, at_y, markersize=7)
         # Points that are far enough from all named ones have a name of their own.
-        if all(np.hypot((row["first"] - other["first"]) / wide, (row["second"] - other["second"]) / tall) > 0.08
-               for other in named):
-            named.append(row)
-            axes.annotate(f"{row['fulcrum_mm']:.0f} mm", (row["first"], row["second"]), xytext=(7, 5),
-                          textcoords="offset points", fontsize=8)
+        if all(np.hypot((at_x - other_x) / wide, (at_y - other_y) / tall) > 0.08 for other_x, other_y in named):
+            named.append((at_x, at_y))
+            axes.annotate(f"{mm:.0f} mm", (at_x, at_y), xytext=(7, 5), textcoords="offset points", fontsize=8)
     axes.margins(x=0.12, y=0.1)
     label(axes, x=first, y=second, title="Less of one costs more of the other")
 
 
 @_drawn
-def tasks_figure(figure: Figure, table: Table) -> None:
+def tasks_figure(figure: Figure, table: TuningTable | Schedule) -> None:
     """Each task's own setting, and by how much one setting for all is worse."""
-    rows = table["tasks"]
+    rows: tuple[TaskOptimum | TaskSetting, ...] = table.tasks
     figure.set_size_inches(_WIDE, 1.5 + 0.38 * len(rows))
     left, right = figure.subplots(1, 2, sharey=True)
     _one_for_all(left, table)
-    if table["common_fulcrum_mm"] is not None:
+    if table.common_fulcrum_mm is not None:
         _legend(left, framealpha=None)
     for place, row in enumerate(rows):
-        if row.get("interval_mm") is not None:
-            left.plot(row["interval_mm"], [place, place], color="0.75", linewidth=5.0, solid_capstyle="butt", zorder=1)
-        _point(left, row["fulcrum_mm"], row["fulcrum_mm"], place, zorder=2)
+        if isinstance(row, TaskSetting) and row.interval_mm is not None:
+            left.plot(row.interval_mm, [place, place], color="0.75", linewidth=5.0, solid_capstyle="butt", zorder=1)
+        if row.fulcrum_mm is not None:
+            _point(left, row.fulcrum_mm, row.fulcrum_mm, place, zorder=2)
         lost = reading.excess(row)
         if lost is not None:
             right.barh(place, lost, height=0.55, color="0.55")
             right.annotate(f" {lost:.2f}", (max(lost, 0.0), place), va="center", fontsize=8)
-    left.set_yticks(range(len(rows)), [row["label"] for row in rows])
+    left.set_yticks(range(len(rows)), [row.label for row in rows])
     left.set_ylim(len(rows) - 0.4, -0.6)
     right.margins(x=0.15)
     right.set_xlim(left=0.0)
     label(left, x=FULCRUM, y="", title="Setting of each task")
-    label(right, x=f"more {table['cost_label']} with one setting for all ({reading.excess_unit(table)})", y="",
+    label(right, x=f"more {table.cost_label} with one setting for all ({reading.excess_unit(table)})", y="",
           title="What adaptability buys")
 
 
 @_drawn
-def robustness_figure(figure: Figure, table: Table) -> None:
+def robustness_figure(figure: Figure, table: TuningTable) -> None:
     """Where the optimum goes when something that is not known exactly is changed."""
-    rows = [row for row in table["robustness"] if row["fulcrum_mm"] is not None]
-    ends = [row["fulcrum_mm"] for row in table["sweep"]]
+    rows = [(row.what, row.fulcrum_mm) for row in table.robustness if row.fulcrum_mm is not None]
+    ends = [row.fulcrum_mm for row in table.sweep]
     figure.set_size_inches(8.6, 1.4 + 0.3 * len(rows))
     axes = figure.subplots()
-    if table["fulcrum_interval_mm"] is not None:
-        axes.axvspan(*table["fulcrum_interval_mm"], color=SHADE, zorder=0)
-    if table["fulcrum_mm"] is not None:
-        axes.axvline(table["fulcrum_mm"], color="black", linewidth=1.0, zorder=1)
-    for place, row in enumerate(rows):
-        _point(axes, row["fulcrum_mm"], row["fulcrum_mm"], place, markersize=7, zorder=2)
-    axes.set_yticks(range(len(rows)), [row["what"] for row in rows])
+    if table.fulcrum_interval_mm is not None:
+        axes.axvspan(*table.fulcrum_interval_mm, color=SHADE, zorder=0)
+    if table.fulcrum_mm is not None:
+        axes.axvline(table.fulcrum_mm, color="black", linewidth=1.0, zorder=1)
+    for place, (_, mm) in enumerate(rows):
+        _point(axes, mm, mm, place, markersize=7, zorder=2)
+    axes.set_yticks(range(len(rows)), [what for what, _ in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
     if ends:
         axes.set_xlim(min(ends) - 2.0, max(ends) + 2.0)
@@ -303,44 +306,45 @@ def robustness_figure(figure: Figure, table: Table) -> None:
 
 
 @_drawn
-def schedule_curves_figure(figure: Figure, table: Table) -> None:
+def schedule_curves_figure(figure: Figure, table: Schedule) -> None:
     """By how much each task's cost exceeds its own least, over the fulcrum; the one setting for all as a line."""
     figure.set_size_inches(8.6, 4.2)
     axes = figure.subplots()
     for i, row in enumerate(reading.curved(table)):
-        x, y = (np.array(row["sweep"][key], dtype=float) for key in ("fulcrum_mm", "cost"))
-        least = row["cost_exact"] if row["cost_exact"] is not None else y.min()
-        axes.plot(x, y - least, color=_colour(row["fulcrum_mm"]), linestyle=_DASHES[i % len(_DASHES)], linewidth=1.6,
-                  label=row["label"])
-        if row["fulcrum_mm"] is not None and row["cost"] is not None:
-            _point(axes, row["fulcrum_mm"], row["fulcrum_mm"], row["cost"] - least, markersize=7,
-                   marker="o" if row["optimal"] else "x")
+        x, y = np.array(row.sweep.fulcrum_mm), np.array(row.sweep.cost)
+        least = row.cost_exact if row.cost_exact is not None else float(y.min())
+        axes.plot(x, y - least, color=_colour(row.fulcrum_mm), linestyle=_DASHES[i % len(_DASHES)], linewidth=1.6,
+                  label=row.label)
+        if row.fulcrum_mm is not None and row.cost is not None:
+            _point(axes, row.fulcrum_mm, row.fulcrum_mm, row.cost - least, markersize=7,
+                   marker="o" if row.optimal else "x")
     _one_for_all(axes, table)
     _legend(axes)
-    label(axes, x=FULCRUM, y=f"cost above the task's least ({table['cost_unit']})",
-          title=f"Each task over the whole range: {table['cost_label']}")
+    label(axes, x=FULCRUM, y=f"cost above the task's least ({table.cost_unit})",
+          title=f"Each task over the whole range: {table.cost_label}")
 
 
 @_drawn
-def policy_figure(figure: Figure, table: Table, name: str) -> None:
+def policy_figure(figure: Figure, table: Schedule, name: str) -> None:
     """The setting over one descriptor, `name`, with its lookup between and outside of the tasks."""
-    rows = sorted((row for row in table["tasks"] if row["exact_mm"] is not None), key=lambda row: row[name])
-    x, y = ([row[key] for row in rows] for key in (name, "exact_mm"))
+    rows = sorted(((getattr(row, name), row.exact_mm, row) for row in table.tasks if row.exact_mm is not None),
+                  key=lambda row: row[0])
+    x, y = [at for at, _, _ in rows], [exact_mm for _, exact_mm, _ in rows]
     beyond = 0.15 * (max(x) - min(x) or 1.0)
     figure.set_size_inches(7.4, 3.8)
     axes = figure.subplots()
     axes.plot([x[0] - beyond, *x, x[-1] + beyond], [y[0], *y, y[-1]], color="black", linewidth=1.2,
               label="lookup, before rounding")
-    for i, row in enumerate(rows):
-        if row["interval_mm"] is not None:
-            axes.plot([row[name]] * 2, row["interval_mm"], color="0.8", linewidth=6.0, solid_capstyle="butt", zorder=0,
+    for i, (at, exact_mm, row) in enumerate(rows):
+        stored_mm = exact_mm if row.fulcrum_mm is None else row.fulcrum_mm
+        if row.interval_mm is not None:
+            axes.plot([at] * 2, row.interval_mm, color="0.8", linewidth=6.0, solid_capstyle="butt", zorder=0,
                       label="interval" if i == 0 else None)
-        _point(axes, row["fulcrum_mm"], row[name], row["fulcrum_mm"], label="stored" if i == 0 else None)
-        axes.annotate(row["label"], (row[name], row["fulcrum_mm"]), xytext=(8, 6), textcoords="offset points",
-                      fontsize=8)
-    if table["common_fulcrum_mm"] is not None:
-        axes.axhline(table["common_fulcrum_mm"], color=NEUTRAL, linestyle="--", linewidth=1.2, label="one for all")
-    low, high = table["reach_mm"]
+        _point(axes, stored_mm, at, stored_mm, label="stored" if i == 0 else None)
+        axes.annotate(row.label, (at, stored_mm), xytext=(8, 6), textcoords="offset points", fontsize=8)
+    if table.common_fulcrum_mm is not None:
+        axes.axhline(table.common_fulcrum_mm, color=NEUTRAL, linestyle="--", linewidth=1.2, label="one for all")
+    low, high = table.reach_mm
     axes.set_ylim(low - 2.0, high + 2.0)
     _legend(axes)
     label(axes, x=reading.DESCRIPTORS[name], y=FULCRUM, title="What the controller would set")

@@ -91,7 +91,8 @@ def test_the_tracked_stride_is_the_recorded_one_and_the_full_model_confirms_its_
     for foot, force in reference.force.items():
         size = np.linalg.norm(y[:, stride.function.index(f"{foot}_fx", f"{foot}_fz")], axis=1)
         assert np.sqrt(np.mean((size - np.linalg.norm(force, axis=1)) ** 2)) < 0.06 * stride.model.weight
-    trajectory = solved_trajectory(tracked_stride, tuning.walker, offsets=tuning.trial.offsets)
+    trajectory = solved_trajectory(tracked_stride, tuning.walker, outputs=stride.function.names,
+                                   offsets=tuning.trial.offsets)
     assert resimulate_prescribed(tuning.walker, trajectory).percent_bw < 3.0
 
 
@@ -115,7 +116,7 @@ def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an
 
     solution = solve(tuning, progress=stop)
     table = stride_table(solution)
-    assert table["optimal"] is False and "interrupted" in table["status"]
+    assert not table.optimal and "interrupted" in table.status
     assert np.isfinite(stride_arrays(solution)["q"]).all()
     with pytest.raises(FitError, match="interrupted"):
         _ = solution.fulcrum_mm

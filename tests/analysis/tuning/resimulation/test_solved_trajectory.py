@@ -32,7 +32,7 @@ def solution(periodic=True):
 
 def test_outputs_and_variables_find_their_columns():
     whole, names, found = solution()
-    given = solved_trajectory(found, embedded_walker())
+    given = solved_trajectory(found, embedded_walker(), outputs=found.problem.function.names)
     for name in ("time_s", "q", "v", "a"):
         np.testing.assert_allclose(getattr(given, name) - getattr(given, name)[0],
                                    getattr(whole, name) - getattr(whole, name)[0], atol=1e-9)
@@ -47,7 +47,7 @@ def test_outputs_and_variables_find_their_columns():
 def test_device_is_the_solution_s():
     _, _, found = solution()
     walker = embedded_walker()
-    given = solved_trajectory(found, walker)
+    given = solved_trajectory(found, walker, outputs=found.problem.function.names)
     assert given.fulcrum_m == 0.12
     assert given.values["offset.alignment"] == 0.01
     modulus = walker.variables["keel.flexural_modulus"].default
@@ -56,7 +56,7 @@ def test_device_is_the_solution_s():
 
 def test_single_stance_is_not_closed():
     whole, _, found = solution(periodic=False)
-    given = solved_trajectory(found, embedded_walker())
+    given = solved_trajectory(found, embedded_walker(), outputs=found.problem.function.names)
     assert not given.periodic and len(given.time_s) == 41
     np.testing.assert_allclose(given.q, whole.q)
 

@@ -114,10 +114,10 @@ def stance_frame(
     """Prepares `trial` from its `walk` at its own setting; InputError if the prosthetic foot has no whole stance."""
     record, tree, subject = walk.record, walk.mechanism.tree, trial.subject
     time, step, margin = record.time_s, walk.step_s, options.margin_s
-    found = find_stances(time, walk.prosthetic.grf_W[:, 2])
-    stances = tuple(stance for stance in found if stance.complete)
+    seen = find_stances(time, walk.prosthetic.grf_W[:, 2])
+    stances = tuple(stance for stance in seen if stance.complete)
     if not stances:
-        cut = " (one is cut by the window)" if found else ""
+        cut = " (one is cut by the window)" if seen else ""
         raise InputError(f"the prosthetic foot has no whole stance between {trial.start_s:g} and {trial.end_s:g} s"
                          f"{cut}", file=trial.path, where="window",
                          right="Tuning needs the foot on the ground from touch-down to toe-off: choose another window "
@@ -155,12 +155,12 @@ def value_of(terms: Terms) -> float:
 
 def walk_terms(frame: StanceFrame, loads: WalkLoads, options: TuningOptions) -> dict[str, Terms]:
     """The terms of all costs of one walk, those of CONSISTENCY too; of TRACKING only where the trial has a plate."""
-    found = {"joint_load": joint_load(frame, loads, socket_weight=options.socket_weight),
+    terms = {"joint_load": joint_load(frame, loads, socket_weight=options.socket_weight),
              "metabolic": metabolic(frame, loads), "push_off": push_off(frame, loads)}
     if frame.plate_W is not None:
-        found[TRACKING] = deviation(frame, loads, frame.plate_W)
+        terms[TRACKING] = deviation(frame, loads, frame.plate_W)
     change = deviation(frame, loads, frame.own.grf[..., 0])
-    return found | {CONSISTENCY: {CONSISTENCY: np.sum([*change.values()], axis=0)}}
+    return terms | {CONSISTENCY: {CONSISTENCY: np.sum([*change.values()], axis=0)}}
 
 
 def _total(weight: np.ndarray, series: np.ndarray) -> np.ndarray:
@@ -170,9 +170,9 @@ def _total(weight: np.ndarray, series: np.ndarray) -> np.ndarray:
 
 def mean_square(series: np.ndarray, weight_s: np.ndarray, duration_s: float) -> np.ndarray:
     """(1 + P,) sum over n and k of weight_s (n,) series (n, k, 1 + P)^2 / duration_s."""
-    found = _total(series[..., 0] * weight_s[:, None] / duration_s, series)
-    found[1:] *= 2.0
-    return found
+    mean = _total(series[..., 0] * weight_s[:, None] / duration_s, series)
+    mean[1:] *= 2.0
+    return mean
 
 
 def positive_part(power: np.ndarray, smooth_w: float) -> np.ndarray:
@@ -181,9 +181,9 @@ def positive_part(power: np.ndarray, smooth_w: float) -> np.ndarray:
         p+ = (p + e)^2 / 4 e        where |p| < e, exact elsewhere; e / 4 too much at 0
     """
     inside = np.clip(power[..., 0] + smooth_w, 0.0, 2.0 * smooth_w)
-    found = power * (inside / (2.0 * smooth_w))[..., None]
-    found[..., 0] = inside**2 / (4.0 * smooth_w) + np.maximum(power[..., 0] - smooth_w, 0.0)
-    return found
+    positive = power * (inside / (2.0 * smooth_w))[..., None]
+    positive[..., 0] = inside**2 / (4.0 * smooth_w) + np.maximum(power[..., 0] - smooth_w, 0.0)
+    return positive
 
 
 # How far the ground reaction force is from another, over stance: the cost `tracking`, and what keeps other costs sane.
@@ -268,12 +268,12 @@ class Combination:
 
     def terms(self, walk: Mapping[str, Terms]) -> Terms:
         """What it is the sum of, for one walk: parts of a single cost, or the costs of a weighted one."""
-        found: Terms = {}
+        terms: Terms = {}
         for cost, factor in self.factors.items():
             whole = self.name == WEIGHTED and cost != CONSISTENCY
             parts = {cost: np.sum([*walk[cost].values()], axis=0)} if whole else walk[cost]
-            found |= {name: factor * term for name, term in parts.items()}
-        return found
+            terms |= {name: factor * term for name, term in parts.items()}
+        return terms
 
 
 def sizes(own: Sequence[Mapping[str, Terms]]) -> dict[str, float]:

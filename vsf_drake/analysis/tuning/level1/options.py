@@ -89,7 +89,7 @@ def design_variables(options: TuningOptions, feet: list[FootParameters]) -> tupl
     if bounds[0] < low - 1e-6 or bounds[1] > high + 1e-6:
         raise InputError(f"{bounds[0]:g} to {bounds[1]:g} mm is out of the carriage's reach", where="bounds_mm",
                          right=f"It must lie within {low:g} to {high:g} mm")
-    found = [DesignVariable("fulcrum", "fulcrum position", "mm", float(bounds[0]), float(bounds[1]), float("nan"))]
+    variables = [DesignVariable("fulcrum", "fulcrum position", "mm", float(bounds[0]), float(bounds[1]), float("nan"))]
     t = feet[0].keel.thickness_m / MM
     known = {  # label, unit, the device as it is, bounds unless others are asked for, the widest ones
         "heel_stiffness": ("heel stiffness", "1", 1.0, 0.5, 2.0, 0.05, 20.0),
@@ -103,8 +103,8 @@ def design_variables(options: TuningOptions, feet: list[FootParameters]) -> tupl
         if low < least or high > most:
             raise InputError(f"{low:g} to {high:g} is out of range", where=f"design_bounds[{name!r}]",
                              right=f"It must lie within {least:g} to {most:g} {unit}")
-        found.append(DesignVariable(name, label, unit, float(low), float(high), default))
-    return tuple(found)
+        variables.append(DesignVariable(name, label, unit, float(low), float(high), default))
+    return tuple(variables)
 
 
 def device_values(

@@ -65,7 +65,7 @@ class TrialTuning:
         self.support_width_m = min(options.support_width_m, 0.5 * float(np.diff(keel).min()))
         # (P,) where its fulcrum stood, the device as it is.
         self.own = np.array([1e3 * trial.fulcrum_m, *(variable.default for variable in design[1:])])
-        self._frames: dict[tuple, StanceFrame] = {}
+        self._frames: dict[tuple[object, ...], StanceFrame] = {}
 
     def frame(self, step_s: float, base: Mapping[str, float] | None = None) -> StanceFrame:
         """What no setting changes, on the instants of walks in steps of `step_s`; `base` as of `at`."""
@@ -178,11 +178,12 @@ class StiffnessTuning:
 
     def from_u(self, u: np.ndarray) -> np.ndarray:
         """(P,) the setting at search coordinates within 0 and 1."""
-        return np.clip(self.low + np.asarray(u) * (self.high - self.low), self.low, self.high)
+        x: np.ndarray = np.clip(self.low + np.asarray(u) * (self.high - self.low), self.low, self.high)
+        return x
 
     def to_u(self, x: np.ndarray) -> np.ndarray:
         """(P,) search coordinates of a setting."""
-        return np.divide(x - self.low, self.high - self.low)
+        return np.asarray((x - self.low) / (self.high - self.low))
 
     def evaluate(self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None) -> Evaluation:
         """The cost at x (P,), in the options' step or another; SimulationError where a walk fails."""
@@ -201,8 +202,8 @@ class StiffnessTuning:
 
     def scaled(self, u: np.ndarray, gradient: bool = True, *, step_s: float | None = None) -> tuple[float, np.ndarray]:
         """The cost over its size at search coordinates u (P,), and its gradient (P,) by them, empty without."""
-        found, size = self.evaluate(self.from_u(u), derivatives=gradient, step_s=step_s), self.combination.size
-        return found.cost / size, found.gradient * (self.high - self.low) / size if gradient else np.zeros(0)
+        at, size = self.evaluate(self.from_u(u), derivatives=gradient, step_s=step_s), self.combination.size
+        return at.cost / size, at.gradient * (self.high - self.low) / size if gradient else np.zeros(0)
 
     def program(self, cost: Scaled | None = None) -> MathematicalProgram:
         """The tuning for Drake's solvers: u within 0 and 1, and the cost as of `scaled`, or `cost` in its place."""
@@ -231,11 +232,11 @@ def _names(given: Sequence[str] | None, default: tuple[str, ...], where: str) ->
 
 def _walkers(trials: Sequence[Trial]) -> list[Walker]:
     """One walker for each person with a device: several trials share it."""
-    found: list[Walker] = []
+    walkers: list[Walker] = []
     for trial in trials:
-        same = (walker for walker in found if (walker.subject, walker.model) == (trial.subject, trial.model))
-        found.append(next(same, None) or Walker(trial.subject, trial.model))
-    return found
+        same = (walker for walker in walkers if (walker.subject, walker.model) == (trial.subject, trial.model))
+        walkers.append(next(same, None) or Walker(trial.subject, trial.model))
+    return walkers
 
 
 def _check_trials(trials: Sequence[Trial], costs: Sequence[str], options: TuningOptions) -> None:

@@ -1,19 +1,33 @@
-"""What a tuning found, the way to it, and both as plain numbers: what `tuning.json` and `tuning.npz` hold."""
+"""What a tuning found, the way to it, and both as records: what `tuning.json` and `tuning.npz` hold."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import FORMAT, OPTIMUM, RECORDED, SETTINGS, SOFTEST, STIFFEST, Check
+from vsf_drake.analysis.tuning.common import OPTIMUM, RECORDED, SETTINGS, SOFTEST, STIFFEST, Check
 from vsf_drake.analysis.tuning.level1.costs import LABELS
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.sweep import KINDS, SAME_LOAD, Sweep
-from vsf_drake.analysis.tuning.level1.uncertainty import difference
+from vsf_drake.analysis.tuning.level1.uncertainty import Worth, difference
+from vsf_drake.analysis.tuning.table import (
+    FORMAT,
+    ChangedOptimum,
+    Confirmation,
+    DesignValue,
+    Outcome,
+    ParetoPoint,
+    Provenance,
+    SearchEnd,
+    SolverEnd,
+    SweepPoint,
+    TaskOptimum,
+    Term,
+    TuningTable,
+    as_saved,
+)
 from vsf_drake.errors import FitError
-from vsf_drake.files import plain
 from vsf_drake.schema import to_plain
 from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
@@ -53,14 +67,12 @@ class TuningSolution:
     sweep: Sweep | None = None  # through the best setting
     compared: Sweep | None = None  # of SETTINGS, the recorded one each trial's own, the device as it is
     same_load: dict[str, np.ndarray] = field(default_factory=dict)  # SAME_LOAD by name, (T, 4)
-    interval_mm: list[float] | None = None  # of the fulcrum position
-    interval_meaning: str = ""  # what it holds
-    worth: dict[str, Any] = field(default_factory=dict)  # of the cost's range: uncertainty, matters, sentence
+    worth: Worth | None = None  # how well the position is known, and what it is worth
     draws: list[Sweep] = field(default_factory=list)  # by draw of the contact
     draw_failures: list[str] = field(default_factory=list)  # why some could not be walked
-    tasks: list[dict[str, Any]] = field(default_factory=list)  # this and the next two as the table has them
-    pareto: list[dict[str, Any]] = field(default_factory=list)
-    robustness: list[dict[str, Any]] = field(default_factory=list)
+    tasks: list[TaskOptimum] = field(default_factory=list)
+    pareto: list[ParetoPoint] = field(default_factory=list)
+    robustness: list[ChangedOptimum] = field(default_factory=list)
     checks: list[Check] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)  # what a reader has to know
     wall_s: float = 0.0
@@ -90,67 +102,68 @@ class TuningSolution:
                      if at < AT_BOUND or at > 1.0 - AT_BOUND)
 
 
-def tuning_table(solution: TuningSolution) -> dict[str, Any]:
-    """The content of `tuning.json`: all `common.KEYS`, None or empty where something is not known or reached.
-
-    One of a tuning that failed says so with `optimal` false.
-    """
-    tuning, best, swept = solution.tuning, solution.best, solution.sweep
+def tuning_table(solution: TuningSolution) -> TuningTable:
+    """The content of `tuning.json`; of a tuning that failed `optimal` is false."""
+    tuning, best, swept, worth = solution.tuning, solution.best, solution.sweep, solution.worth
     searched, combination = solution.searched, tuning.combination
     terms = {name: float(term[0]) for name, term in best.terms.items()}
     whole = sum(map(abs, terms.values())) or 1.0  # terms of both signs may cancel
-    rows = [] if swept is None else [
-        {"fulcrum_mm": mm, "cost": swept.cost[j], **{
-            part: {name: each[:, j].mean() for name, each in values.items()}
-            for part, values in (("terms", swept.terms), ("outcomes", swept.outcomes))}}
-        for j, mm in enumerate(swept.fulcrum_mm)]
     inputs = {f"{label}: {file}": digest for label, trial in zip(tuning.labels, tuning.trials, strict=True)
               for file, digest in trial.inputs.items()}
-    return plain({
-        "format": FORMAT, "level": 1, "cost_name": tuning.cost_name, "cost_label": combination.label,
-        "cost_unit": combination.unit, "optimal": solution.success, "status": solution.message,
-        "fulcrum_mm": float(best.x[0]), "cost": best.cost, "at_bound": list(solution.at_bound),
-        "fulcrum_interval_mm": solution.interval_mm, "interval_meaning": solution.interval_meaning,
-        "design": [{"name": v.name, "unit": v.unit, "value": float(x), "low": v.low, "high": v.high,
-                    "default": v.default} for v, x in zip(tuning.design, best.x, strict=True)],
-        "terms": [{"name": name, "label": LABELS[name], "value": value, "share": value / whole}
-                  for name, value in terms.items()],
-        "sweep": rows, "outcomes": _outcomes(solution),
-        "solver": {"name": searched and searched.solver, "message": searched.message if searched else solution.message,
-                   "iterations": searched and searched.iterations, "evaluations": tuning.evaluations,
-                   "violation": 0.0, "optimality": searched and searched.optimality},
-        "confirmed_by": [{"solver": other.solver, "fulcrum_mm": float(other.x[0]), "cost": other.cost,
-                          "success": other.success, "start": float(other.start[0]), "message": other.message}
-                         for other in solution.confirmed],
-        "starts": [{"fulcrum_mm": float(s.start[0]), "end_mm": float(s.x[0]), "cost": s.cost, "success": s.success}
-                   for s in solution.searches],
-        "checks": [vars(check) for check in solution.checks], "tasks": solution.tasks,
-        "common_fulcrum_mm": float(best.x[0]) if solution.tasks else None, "pareto": solution.pareto,
-        "pareto_names": tuning.options.pareto if solution.pareto else [], "robustness": solution.robustness,
-        "trials": tuning.labels, "recorded_mm": [float(part.own[0]) for part in tuning.parts],
-        "synthetic": any(trial.synthetic for trial in tuning.trials), "notes": solution.notes,
-        "wall_s": solution.wall_s,
-        "provenance": {"options": to_plain(tuning.options)} | provenance(inputs, tuning.options.seed)})
+    return as_saved(TuningTable(
+        format=FORMAT, level=1, cost_name=tuning.cost_name, cost_label=combination.label, cost_unit=combination.unit,
+        optimal=solution.success, status=solution.message, fulcrum_mm=float(best.x[0]), cost=best.cost,
+        at_bound=solution.at_bound, fulcrum_interval_mm=worth.interval_mm if worth else None,
+        interval_meaning=worth.interval_meaning if worth else "",
+        design=tuple(DesignValue(name=v.name, unit=v.unit, value=float(x), low=v.low, high=v.high, default=v.default)
+                     for v, x in zip(tuning.design, best.x, strict=True)),
+        terms=tuple(Term(name, LABELS[name], value, value / whole) for name, value in terms.items()),
+        sweep=() if swept is None else tuple(
+            SweepPoint(fulcrum_mm=float(mm), cost=float(swept.cost[j]), terms=_means(swept.terms, j),
+                       outcomes=_means(swept.outcomes, j)) for j, mm in enumerate(swept.fulcrum_mm)),
+        outcomes=tuple(_outcomes(solution)),
+        solver=SolverEnd(
+            name=searched.solver if searched else None, message=searched.message if searched else solution.message,
+            iterations=searched.iterations if searched else None, evaluations=tuning.evaluations, violation=0.0,
+            optimality=searched.optimality if searched else None),
+        confirmed_by=tuple(Confirmation(
+            solver=other.solver, fulcrum_mm=float(other.x[0]), cost=other.cost, success=other.success,
+            start=float(other.start[0]), message=other.message) for other in solution.confirmed),
+        starts=tuple(SearchEnd(float(s.start[0]), float(s.x[0]), s.cost, s.success) for s in solution.searches),
+        checks=tuple(solution.checks), tasks=tuple(solution.tasks),
+        common_fulcrum_mm=float(best.x[0]) if solution.tasks else None, pareto=tuple(solution.pareto),
+        pareto_names=tuning.options.pareto if solution.pareto else (), robustness=tuple(solution.robustness),
+        trials=tuning.labels, recorded_mm=tuple(float(part.own[0]) for part in tuning.parts),
+        synthetic=any(trial.synthetic for trial in tuning.trials), notes=tuple(solution.notes),
+        wall_s=solution.wall_s,
+        provenance=Provenance(options=to_plain(tuning.options), **provenance(inputs, tuning.options.seed))))
 
 
-def _outcomes(solution: TuningSolution) -> list[dict[str, Any]]:
+def _means(values: dict[str, np.ndarray], position: int) -> dict[str, float | None]:
+    """Over trials, by name."""
+    return {name: float(each[:, position].mean()) for name, each in values.items()}
+
+
+def _outcomes(solution: TuningSolution) -> list[Outcome]:
     """Means over trials; `uncertainty`: standard deviation over repeated trials of an outcome's range."""
-    tuning, swept = solution.tuning, solution.sweep
-    rows: list[dict[str, Any]] = []
-    if swept is not None and solution.worth:
-        rows.append({"name": "cost", "label": tuning.combination.label, "unit": tuning.combination.unit,
-                     SOFTEST: float(swept.cost[0]), OPTIMUM: solution.best.cost, STIFFEST: float(swept.cost[-1]),
-                     RECORDED: tuning.own_cost, **solution.worth})
+    tuning, swept, worth = solution.tuning, solution.sweep, solution.worth
+    rows: list[Outcome] = []
+    if swept is not None and worth is not None:
+        rows.append(Outcome(
+            name="cost", label=tuning.combination.label, unit=tuning.combination.unit, softest=float(swept.cost[0]),
+            optimum=solution.best.cost, stiffest=float(swept.cost[-1]), recorded=tuning.own_cost,
+            uncertainty=worth.uncertainty, matters=worth.matters, sentence=worth.sentence))
     for name, each in (solution.compared.outcomes | solution.same_load if solution.compared else {}).items():
         label, unit = (KINDS | SAME_LOAD)[name]
         at = dict(zip(SETTINGS, each.mean(axis=0).tolist(), strict=True))
         change = difference(swept.outcomes.get(name, each) if swept else each, tuning.groups)
-        finite = bool(np.isfinite(each).all())
-        matters = change.matters(max(map(abs, at.values()))) if finite or name in KINDS else None
-        told = say("level1", "outcome", label=label, unit=unit, known=finite, range=change.range, spread=change.spread,
-                   matters=matters, softest=at[SOFTEST], optimum=at[OPTIMUM], stiffest=at[STIFFEST])
-        rows.append({"name": name, "label": label, "unit": unit, **at, "uncertainty": change.spread,
-                     "matters": matters, "sentence": told[0]})
+        known = bool(np.isfinite(each).all())
+        matters = change.matters(max(map(abs, at.values()))) if known or name in KINDS else None
+        sentence = say("level1", "outcome", label=label, unit=unit, known=known, range=change.range,
+                       spread=change.spread, matters=matters, softest=at[SOFTEST], optimum=at[OPTIMUM],
+                       stiffest=at[STIFFEST])[0]
+        rows.append(Outcome(name=name, label=label, unit=unit, **at, uncertainty=change.spread, matters=matters,
+                            sentence=sentence))
     return rows
 
 
@@ -167,14 +180,14 @@ def tuning_arrays(solution: TuningSolution) -> dict[str, np.ndarray]:
     T trials in the order of the table. `recorded` is the plate where there is one, else the model at the own setting.
     """
     tuning, swept = solution.tuning, solution.sweep
-    found: dict[str, np.ndarray] = {}
+    arrays: dict[str, np.ndarray] = {}
     if swept is not None:
-        found |= {"sweep_mm": swept.fulcrum_mm, "sweep_cost_trials": swept.per_trial.T}
+        arrays |= {"sweep_mm": swept.fulcrum_mm, "sweep_cost_trials": swept.per_trial.T}
         for kind, rows in (("term", swept.terms), ("cost", swept.costs), ("outcome", swept.outcomes)):
-            found |= {f"sweep_{kind}_{name}": value.T for name, value in rows.items()}
+            arrays |= {f"sweep_{kind}_{name}": value.T for name, value in rows.items()}
     if solution.draws:
-        found["draw_mm"] = solution.draws[0].fulcrum_mm
-        found["draw_cost"] = np.array([draw.cost for draw in solution.draws]).T
+        arrays["draw_mm"] = solution.draws[0].fulcrum_mm
+        arrays["draw_cost"] = np.array([draw.cost for draw in solution.draws]).T
     nearest = int(np.argmin([abs(part.own[0] - solution.best.x[0]) for part in tuning.parts]))
     forces = solution.compared.forces if solution.compared else {}
     for i, part in enumerate(tuning.parts if forces else ()):
@@ -182,5 +195,5 @@ def tuning_arrays(solution: TuningSolution) -> dict[str, np.ndarray]:
         shown = {"time": frame.time_s} | {name: forces[i, s] for s, name in enumerate(SETTINGS) if (i, s) in forces}
         shown |= {} if frame.plate_W is None else {RECORDED: frame.plate_W}
         for prefix in (f"trial_{i}_", *(["grf_"] if i == nearest else [])):
-            found |= {f"{prefix}{name}": force for name, force in shown.items()}
-    return found
+            arrays |= {f"{prefix}{name}": force for name, force in shown.items()}
+    return arrays

@@ -14,6 +14,7 @@ from scipy.stats import qmc
 from vsf_drake.analysis.drake_solve import solved
 from vsf_drake.analysis.tuning.common import Check
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING, value_of
+from vsf_drake.analysis.tuning.level1.options import DesignVariable
 from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
 from vsf_drake.analysis.tuning.level1.solution import Search, TuningSolution
 from vsf_drake.analysis.tuning.level1.sweep import (
@@ -78,16 +79,16 @@ class Run:
         """The cost at x, None where a walk fails."""
         self.count += 1
         try:
-            found = self.tuning.evaluate(x, derivatives=derivatives, step_s=self.step_s)
+            evaluated = self.tuning.evaluate(x, derivatives=derivatives, step_s=self.step_s)
         except SimulationError as error:
             self.failure = str(error)
             return None
-        if self.here is None or found.cost < self.here.cost:
-            self.here = found
-        if self.best is None or self.best.step_s != found.step_s or found.cost < self.best.cost:
-            self.best = found
+        if self.here is None or evaluated.cost < self.here.cost:
+            self.here = evaluated
+        if self.best is None or self.best.step_s != evaluated.step_s or evaluated.cost < self.best.cost:
+            self.best = evaluated
         self.tell()
-        return found
+        return evaluated
 
     def cost(self, u: np.ndarray, gradient: bool) -> tuple[float, np.ndarray]:
         """Of the program: over its size, with the gradient by u; a failed walk costs LOST."""
@@ -154,36 +155,36 @@ def _is_minimum(run: Run, at: Evaluation) -> bool:
 
 def solve(
     tuning: StiffnessTuning, *, progress: Callable[[TuningProgress], None] | None = None,
-    warm_start: Mapping[str, Any] | None = None
+    warm_start: Mapping[str, float] | None = None
 ) -> TuningSolution:
     """Tunes. An interrupt (Ctrl-C) ends it early: the best point so far comes back in a solution that failed.
 
     Args:
         progress: called after each walk of a sweep and each evaluation of a search.
-        warm_start: the content of a `tuning.json`, from whose setting one more search begins; InputError if it is of
-            other variables. FitError where the walks fail at every setting.
+        warm_start: `TuningSolution.values` of another tuning, from which one more search begins; InputError if they
+            are of other variables. FitError where the walks fail at every setting.
     """
-    found, run, interrupted = TuningSolution(tuning=tuning), Run(tuning, progress), ""
+    solution, run, interrupted = TuningSolution(tuning=tuning), Run(tuning, progress), ""
     warm = _warm(tuning, warm_start)
     try:
-        first, found.searched = _search(found.searches, tuning, warm, run)
-        if np.isfinite(found.searched.cost):
-            _judge(found, found.searched, first, run)
+        first, solution.searched = _search(solution.searches, tuning, warm, run)
+        if np.isfinite(solution.searched.cost):
+            _judge(solution, solution.searched, first, run)
     except KeyboardInterrupt:
         if run.best is None:
             raise
         interrupted = f"it was interrupted during: {run.stage}"
-    best, searched = run.best, found.searched
+    best, searched = run.best, solution.searched
     if searched is not None and np.isfinite(searched.cost):
         best = tuning.evaluate(searched.x)
     if best is None:
         raise FitError("the walks fail wherever a search starts")
-    found.best = best
-    fault = interrupted or _fault(found)
-    found.success, found.message = not fault, fault or (searched.message if searched else "")
-    found.notes = _notes(found)
-    found.wall_s = time.perf_counter() - run.began
-    return found
+    solution.best = best
+    fault = interrupted or _fault(solution)
+    solution.success, solution.message = not fault, fault or (searched.message if searched else "")
+    solution.notes = _notes(solution)
+    solution.wall_s = time.perf_counter() - run.began
+    return solution
 
 
 def _search(
@@ -209,73 +210,71 @@ def _search(
     return first, search(tuning, first.x, step_s=options.step_s, run=run)
 
 
-def _judge(found: TuningSolution, searched: Search, first: Search, run: Run) -> None:
+def _judge(solution: TuningSolution, searched: Search, first: Search, run: Run) -> None:
     """The fine sweep, again the search if that is better, other solvers, and what the optimum is worth."""
-    tuning, options, size = found.tuning, found.tuning.options, found.tuning.combination.size
+    tuning, options, size = solution.tuning, solution.tuning.options, solution.tuning.combination.size
     for _ in range(2):
         run.stage = "sweep"
-        fine = found.sweep = sweep(tuning, positions(tuning, searched.x, options.sweep_mm), step_s=options.step_s,
+        fine = solution.sweep = sweep(tuning, positions(tuning, searched.x, options.sweep_mm), step_s=options.step_s,
                                    energies_every=ENERGY_EVERY, progress=run.tell)
         i = int(np.nanargmin(fine.cost))
         if fine.cost[i] >= searched.cost - WORSE * size:
             break
         run.stage = "search from the sweep's lowest position"
-        searched = found.searched = search(tuning, fine.x[i], step_s=options.step_s, run=run)
+        searched = solution.searched = search(tuning, fine.x[i], step_s=options.step_s, run=run)
         if len(tuning.design) == 1:
             break
     best = tuning.evaluate(searched.x)
     at_mm, (low, high) = float(best.x[0]), positions(tuning, best.x, np.inf)
-    found.compared = sweep(tuning, np.array([[low, best.x, high, part.own] for part in tuning.parts]),
+    solution.compared = sweep(tuning, np.array([[low, best.x, high, part.own] for part in tuning.parts]),
                            step_s=options.step_s, energies_every=1, forces=True)
     if options.same_load:
         run.stage = "settings under one load"
-        found.same_load = same_load_outcomes(tuning, found.compared.fulcrum_mm, run.tell)
+        solution.same_load = same_load_outcomes(tuning, solution.compared.fulcrum_mm, run.tell)
     for name in options.confirm:
         run.stage = f"confirming with {name.upper()}"
-        found.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, run=run))
+        solution.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, run=run))
     run.stage = "draws of the contact"
     if options.draws:
-        found.draws, found.draw_failures = drawn_sweeps(tuning, best.x, run.tell)
-    found.interval_mm, found.interval_meaning, found.worth = fulcrum_uncertainty(
-        fine, at_mm, found.draws, tuning.groups, size=size, unit=tuning.combination.unit,
+        solution.draws, solution.draw_failures = drawn_sweeps(tuning, best.x, run.tell)
+    solution.worth = fulcrum_uncertainty(
+        fine, at_mm, solution.draws, tuning.groups, size=size, unit=tuning.combination.unit,
         allowed_bw=options.consistency_bw, gain=(tuning.own_cost - best.cost) / size)
-    found.tasks, found.pareto = tasks(fine, tuning.tasks, at_mm), pareto(tuning, fine)
-    found.robustness = other_optima(tuning, fine, found.draws)
+    solution.tasks, solution.pareto = tasks(fine, tuning.tasks, at_mm), pareto(tuning, fine)
+    solution.robustness = other_optima(tuning, fine, solution.draws)
     run.stage = "checks"
-    found.checks = _checks(found, fine, best, first)
+    solution.checks = _checks(solution, fine, best, first)
 
 
-def _warm(tuning: StiffnessTuning, table: Mapping[str, Any] | None) -> list[np.ndarray]:
-    if table is None:
+def _warm(tuning: StiffnessTuning, values: Mapping[str, float] | None) -> list[np.ndarray]:
+    if values is None:
         return []
     names = [variable.name for variable in tuning.design]
-    try:
-        named = {row["name"]: float(row["value"]) for row in table["design"]} | {"fulcrum": float(table["fulcrum_mm"])}
-        return [np.clip([named[name] for name in names], tuning.low, tuning.high)]
-    except (KeyError, TypeError, ValueError) as error:
+    if not set(names) <= values.keys():
         raise InputError(f"does not hold {', '.join(names)}", where="warm_start",
-                         right="Give the content of a tuning.json of the same variables") from error
+                         right="Give the content of a tuning.json of the same variables")
+    return [np.clip([values[name] for name in names], tuning.low, tuning.high)]
 
 
-def _fault(found: TuningSolution) -> str:
+def _fault(solution: TuningSolution) -> str:
     """Why this is no optimum; nothing if it is one."""
-    best, swept, searched = found.best, found.sweep, found.searched
+    best, swept, searched = solution.best, solution.sweep, solution.searched
     if searched is None or swept is None or not searched.success:
         return f"the search did not converge: {searched.message if searched else 'it never ended'}"
     if best.unconverged:
         return f"{best.unconverged} steps of the walks at the best setting did not converge"
     i = int(np.nanargmin(swept.cost))
-    if best.cost - swept.cost[i] > NEAR_COST * found.tuning.combination.size:
+    if best.cost - swept.cost[i] > NEAR_COST * solution.tuning.combination.size:
         return f"the sweep is lower at {swept.fulcrum_mm[i]:.1f} mm than the search's end at {best.x[0]:.1f} mm"
     return ""
 
 
-def _notes(found: TuningSolution) -> list[str]:
+def _notes(solution: TuningSolution) -> list[str]:
     """What a reader has to know before believing it; the first says so if the result is not optimal."""
-    tuning, swept = found.tuning, found.sweep
+    tuning, swept = solution.tuning, solution.sweep
     return say(
-        "level1", "notes", found=found, options=tuning.options, swept=swept, size=tuning.combination.size,
-        held=found.best.terms.get(CONSISTENCY), support_mm=1e3 * tuning.parts[0].support_width_m,
+        "level1", "notes", solution=solution, options=tuning.options, swept=swept, size=tuning.combination.size,
+        held=solution.best.terms.get(CONSISTENCY), support_mm=1e3 * tuning.parts[0].support_width_m,
         believable=swept and swept.believable(tuning.options.consistency_bw)[1],
         most_change=None if swept is None else np.nanmax(swept.force_change), tracked=tuning.cost_name == TRACKING,
         recorded=[float(part.own[0]) for part in tuning.parts], unfitted=[
@@ -297,14 +296,14 @@ DIFFERENCE = 1e-4  # step of the central differences, share of a bound's width
 
 
 def _checks(solution: TuningSolution, fine: Sweep, best: Evaluation, first: Search) -> list[Check]:
-    tuning, found, at_mm = solution.tuning, list[Check](), float(best.x[0])
+    tuning, checks, at_mm = solution.tuning, list[Check](), float(best.x[0])
     size, own, options = "size of the cost", tuning.combination.size, tuning.options
 
     def add(name: str, label: str, value: float | None, unit: str, target: float, met: bool | None = None, *,
             part: str = "", **numbers: Any) -> None:
         """`met` is whether the value is at most the target, unless given."""
         met = value <= target if met is None and value is not None else met
-        found.append(Check(name, label, None if value is None else float(value), unit, target,
+        checks.append(Check(name, label, None if value is None else float(value), unit, target,
                            None if met is None else bool(met), say("level1", part or name, **numbers)[0]))
 
     # A sweep that is coarser than a millimetre can only tell whether one of its positions is better.
@@ -350,10 +349,10 @@ def _checks(solution: TuningSolution, fine: Sweep, best: Evaluation, first: Sear
                            for terms, part in zip(tuning.own, tuning.parts, strict=True))
         add("recorded_force", "error of the ground reaction force at the recorded setting", error, "BW", FORCE_BW,
             error=error, trial=trial)
-    return found
+    return checks
 
 
-def _gradient_error(tuning: StiffnessTuning) -> tuple[float, Any, float]:
+def _gradient_error(tuning: StiffnessTuning) -> tuple[float, DesignVariable, float]:
     """Of the exact derivatives against central differences, away from the optimum: the largest, its variable, where."""
     worst, width, step_s = (-1.0, tuning.design[0], 0.0), tuning.high - tuning.low, tuning.options.search_step_s
     for share in AT:

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, StanceFrame, value_of
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TrialTuning, WalkOutcome
+from vsf_drake.analysis.tuning.table import ChangedOptimum, ParetoPoint, TaskOptimum
 from vsf_drake.analysis.validation.energy_ledger import prosthesis_energy, stance_energy, walk_with_same_load
 from vsf_drake.errors import SimulationError
 from vsf_drake.motion.events import find_stances
 from vsf_drake.simulation.walk import Walk
 
 Job = TypeVar("Job")
-Found = TypeVar("Found")
-Progress = Callable[[float], Any]  # told the share of a stage that is done
+Result = TypeVar("Result")
+Progress = Callable[[float], None]  # called with the share of a stage that is done
 KINDS = {
     "stored_energy": ("energy stored in keel, foam and support", "J"),
     "returned_energy": ("energy returned by toe-off", "J"),
@@ -73,7 +74,8 @@ class Sweep:
         """(m,) whether the force changes by no more than that, and from where to where (mm): farther off nobody would
         walk the given motion."""
         near: np.ndarray = self.force_change <= allowed_bw
-        return near, tuple(self.fulcrum_mm[near][[0, -1]].tolist()) if near.any() else None
+        mm = self.fulcrum_mm[near]
+        return near, (float(mm[0]), float(mm[-1])) if len(mm) else None
 
     def lowest(self, factors: Mapping[str, float] | None = None) -> tuple[float, float]:
         """Where the tuned cost, or the sum of factors times costs, is least, and its value there; see `lowest`."""
@@ -90,8 +92,8 @@ def positions(tuning: StiffnessTuning, x: np.ndarray, spacing_mm: float) -> np.n
 
 
 def _each(
-    tuning: StiffnessTuning, work: Callable[[Job], Found], jobs: Sequence[Job], progress: Progress | None
-) -> Iterator[tuple[Job, Found]]:
+    tuning: StiffnessTuning, work: Callable[[Job], Result], jobs: Sequence[Job], progress: Progress | None
+) -> Iterator[tuple[Job, Result]]:
     """What `work` makes of every job, in threads, in order."""
     pool = ThreadPoolExecutor(tuning.workers)
     try:
@@ -117,7 +119,7 @@ def sweep(
     shape = settings.shape[:2]
     for part in tuning.parts:
         part.frame(step_s, base)  # made here: what threads share is not made by them
-    kept: dict[tuple[int, int], np.ndarray] = {}
+    grf: dict[tuple[int, int], np.ndarray] = {}
 
     def walked(job: tuple[int, int]) -> tuple[dict[str, dict[str, float]], bool] | str:
         part, j = tuning.parts[job[0]], job[1]
@@ -126,7 +128,7 @@ def sweep(
         except SimulationError as error:
             return f"{part.label} at {settings[job][0]:g} mm: {error}"
         if forces:
-            kept[job] = walk.loads.grf[..., 0]
+            grf[job] = walk.loads.grf[..., 0]
         energies = energies_every > 0 and (j % energies_every == 0 or j == shape[1] - 1)
         terms = tuning.combination.terms(walk.terms)
         return {"costs": {name: value_of(parts) for name, parts in walk.terms.items()},
@@ -134,17 +136,18 @@ def sweep(
                 "outcomes": outcomes(part, walk, energies=energies) if energies_every else {},
                 }, bool(walk.walk.record.converged.all())
 
-    found: dict[str, dict[str, np.ndarray]] = {"costs": {}, "terms": {}, "outcomes": {}}
-    failures, unconverged = [], 0
+    table: dict[str, dict[str, np.ndarray]] = {"costs": {}, "terms": {}, "outcomes": {}}
+    failures: list[str] = []
+    unconverged = 0
     for job, result in _each(tuning, walked, [(i, j) for j in range(shape[1]) for i in range(shape[0])], progress):
         if isinstance(result, str):
             failures.append(result)
             continue
         for kind, numbers in result[0].items():
             for name, value in numbers.items():
-                found[kind].setdefault(name, np.full(shape, np.nan))[job] = value
+                table[kind].setdefault(name, np.full(shape, np.nan))[job] = value
         unconverged += not result[1]
-    return Sweep(x=x, **found, forces=kept, failures=tuple(failures), unconverged=unconverged)
+    return Sweep(x=x, **table, forces=grf, failures=tuple(failures), unconverged=unconverged)
 
 
 def lowest(fulcrum_mm: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
@@ -164,8 +167,8 @@ def local_minima(cost: np.ndarray) -> list[int]:
     """Indices of the minima of a curve (m,), the ends among them, the lowest first."""
     filled = np.where(np.isnan(cost), np.inf, cost)
     before, after = np.append(np.inf, filled[:-1]), np.append(filled[1:], np.inf)
-    found = np.flatnonzero(np.isfinite(filled) & (filled <= before) & (filled <= after))
-    return sorted(found.tolist(), key=lambda i: filled[i])
+    minima = np.flatnonzero(np.isfinite(filled) & (filled <= before) & (filled <= after))
+    return sorted(minima.tolist(), key=lambda i: filled[i])
 
 
 # Numbers of one walk, averaged over its stances.
@@ -174,44 +177,44 @@ def local_minima(cost: np.ndarray) -> list[int]:
 # slope of the vertical force from 20 to 80 % of its first peak, the largest of the first half of stance.
 
 
-def outcomes(part: TrialTuning, found: WalkOutcome, *, energies: bool = True) -> dict[str, float]:
+def outcomes(part: TrialTuning, result: WalkOutcome, *, energies: bool = True) -> dict[str, float]:
     """KINDS of one walk. Stored and returned energy take a third of a walk's time; they are NaN unless asked for."""
-    frame, loads = found.frame, found.loads
+    frame, loads = result.frame, result.loads
     inside = frame.inside > 0.0
     moments = np.abs(loads.joints[inside, :, 0] / frame.mass_kg).max(axis=0)
     peaks = dict(zip(part.options.joints, moments.tolist(), strict=True))
     socket = loads.socket[inside, :, 0]
     residual = np.sum(loads.pelvis**2, axis=1) @ frame.inside / frame.inside.sum()
-    stored, returned = _energies(part, found.walk)[:2] if energies else (np.nan, np.nan)
+    stored, returned = _energies(part, result.walk)[:2] if energies else (np.nan, np.nan)
     first, second, rate = _vertical_peaks(frame, loads.grf[:, 2, 0] / frame.weight_n)
     return {
-        "stored_energy": stored, "returned_energy": returned, "push_off_work": -value_of(found.terms["push_off"]),
-        "joint_work_energy": value_of(found.terms["metabolic"]), "hip_moment": peaks.get("hip_flexion", np.nan),
+        "stored_energy": stored, "returned_energy": returned, "push_off_work": -value_of(result.terms["push_off"]),
+        "joint_work_energy": value_of(result.terms["metabolic"]), "hip_moment": peaks.get("hip_flexion", np.nan),
         "knee_moment": peaks.get("knee_angle", np.nan), "first_peak": first, "second_peak": second,
         "loading_rate": rate,
         "socket_force": float(np.linalg.norm(socket[:, :3], axis=1).max() / frame.weight_n),
         "socket_moment": float(np.linalg.norm(socket[:, 3:], axis=1).max() / frame.mass_kg),
-        "force_change": float(np.sqrt(value_of(found.terms[CONSISTENCY]))),
+        "force_change": float(np.sqrt(value_of(result.terms[CONSISTENCY]))),
         "pelvis_residual": float(np.sqrt(residual) / frame.weight_n)}
 
 
 def _energies(part: TrialTuning, walk: Walk) -> tuple[float, float, float]:
     """Stored, returned (J) and push-off work on the shank (J/kg) by the energy ledger; means over whole stances."""
-    energy, found = prosthesis_energy(part.walker, walk), []
+    energy, rows = prosthesis_energy(part.walker, walk), []
     time = energy.time_s
     for stance in find_stances(time, energy.vertical_n):
         if stance.complete:
             row = stance_energy(energy, stance, foot=part.trial.model.foot, fulcrum_m=float(walk.fulcrum_m[0])).row
             late = (time >= stance.start_s + part.options.late_share * stance.duration_s) & (time <= stance.end_s)
             work = np.sum(np.maximum(energy.shank_power[late], 0.0)) * (time[1] - time[0])
-            found.append((row["stored_j"], row["returned_j"], work / part.trial.subject.mass_kg))
-    stored, returned, pushed = np.mean(found, axis=0).tolist() if found else [np.nan] * 3
+            rows.append((row["stored_j"], row["returned_j"], work / part.trial.subject.mass_kg))
+    stored, returned, pushed = np.mean(rows, axis=0).tolist() if rows else [np.nan] * 3
     return stored, returned, pushed
 
 
 def _vertical_peaks(frame: StanceFrame, vertical: np.ndarray) -> tuple[float, float, float]:
     """First and second peak (BW) and loading rate (BW/s), means over stances."""
-    time, found = frame.time_s, []
+    time, rows = frame.time_s, []
     margin = 0.5 * (frame.inside.sum() - frame.duration_s) / len(frame.stances)
     for stance in frame.stances:
         middle = 0.5 * (stance.start_s + stance.end_s)
@@ -220,8 +223,8 @@ def _vertical_peaks(frame: StanceFrame, vertical: np.ndarray) -> tuple[float, fl
         first, second = float(vertical[early].max()), float(vertical[late].max())
         rising = np.maximum.accumulate(vertical[early][: int(vertical[early].argmax()) + 1])
         start, end = (float(np.interp(share * first, rising, time[early][: len(rising)])) for share in RISE)
-        found.append((first, second, (RISE[1] - RISE[0]) * first / max(end - start, frame.step_s)))
-    first, second, rate = np.mean(found, axis=0).tolist()
+        rows.append((first, second, (RISE[1] - RISE[0]) * first / max(end - start, frame.step_s)))
+    first, second, rate = np.mean(rows, axis=0).tolist()
     return first, second, rate
 
 
@@ -255,51 +258,49 @@ def same_load_outcomes(
             return np.nan, np.nan, np.nan
         return _energies(part, same.walk) if same.kept else (np.nan, np.nan, np.nan)
 
-    found = {name: np.full(fulcrum_mm.shape, np.nan) for name in SAME_LOAD}
+    energies = {name: np.full(fulcrum_mm.shape, np.nan) for name in SAME_LOAD}
     jobs = [(i, float(at)) for i, row in enumerate(fulcrum_mm) for at in dict.fromkeys(row)]
     for (i, at), numbers in _each(tuning, walked, jobs, progress):
         for name, value in zip(SAME_LOAD, numbers, strict=True):
-            found[name][i, fulcrum_mm[i] == at] = value
-    return found
+            energies[name][i, fulcrum_mm[i] == at] = value
+    return energies
 
 
 # One setting for several motions against one for each, and the trade-off between two costs: read off a sweep.
 
 
-def tasks(found: Sweep, names: Sequence[str], common_mm: float) -> list[dict[str, Any]]:
-    """For each motion, trials (T,) of one name together, its own best position and cost, and the cost at the common
-    position; none for a single motion."""
+def tasks(swept: Sweep, names: Sequence[str], common_mm: float) -> list[TaskOptimum]:
+    """Of each motion, trials (T,) of one name together; none for a single motion."""
     rows = []
     for label in dict.fromkeys(names):
-        cost = found.per_trial[[name == label for name in names]].mean(axis=0)
-        where, least = lowest(found.fulcrum_mm, cost)
-        common = max(float(np.interp(common_mm, found.fulcrum_mm, cost)), least)
-        rows.append({"label": label, "fulcrum_mm": where, "cost": least, "cost_common": common})
+        cost = swept.per_trial[[name == label for name in names]].mean(axis=0)
+        where, least = lowest(swept.fulcrum_mm, cost)
+        rows.append(TaskOptimum(label, fulcrum_mm=where, cost=least, cost_common=max(
+            float(np.interp(common_mm, swept.fulcrum_mm, cost)), least)))
     return rows if len(rows) > 1 else []
 
 
-def pareto(tuning: StiffnessTuning, found: Sweep) -> list[dict[str, float]]:
-    """Best positions for weights of the first of the options' two costs, each over its size, with the consistency
-    beside them; and both costs there."""
+def pareto(tuning: StiffnessTuning, swept: Sweep) -> list[ParetoPoint]:
+    """For weights of the first of the options' two costs, each over its size, with the consistency beside them."""
     names, size = tuning.options.pareto, tuning.size
-    if not names or any(name not in found.costs or name not in size for name in names):
+    if not names or any(name not in swept.costs or name not in size for name in names):
         return []
     share = tuning.options.consistency_weight / tuning.options.consistency_bw**2
     rows = []
     for weight in np.linspace(0.0, 1.0, 11).tolist():
-        where, _ = found.lowest({names[0]: weight / size[names[0]], names[1]: (1.0 - weight) / size[names[1]],
+        where, _ = swept.lowest({names[0]: weight / size[names[0]], names[1]: (1.0 - weight) / size[names[1]],
                                  CONSISTENCY: share})
-        first, second = (float(np.interp(where, found.fulcrum_mm, found.costs[name].mean(axis=0))) for name in names)
-        rows.append({"weight": weight, "fulcrum_mm": where, "first": first, "second": second})
+        first, second = (float(np.interp(where, swept.fulcrum_mm, swept.costs[name].mean(axis=0))) for name in names)
+        rows.append(ParetoPoint(weight, fulcrum_mm=where, first=first, second=second))
     return rows
 
 
-def other_optima(tuning: StiffnessTuning, found: Sweep, draws: Sequence[Sweep]) -> list[dict[str, Any]]:
+def other_optima(tuning: StiffnessTuning, swept: Sweep, draws: Sequence[Sweep]) -> list[ChangedOptimum]:
     """Where the cost is least with other weights of the consistency, and with each draw of the contact."""
     factors, optima = tuning.combination.factors, {}
     if CONSISTENCY in factors:
-        optima = {f"{what} the weight of the force's change": found.lowest(
+        optima = {f"{what} the weight of the force's change": swept.lowest(
             {**factors, CONSISTENCY: factor * factors[CONSISTENCY]})
             for factor, what in ((0.0, "without"), (0.5, "with half"), (2.0, "with twice"))}
     optima |= {f"draw {k + 1} of the contact": draw.lowest() for k, draw in enumerate(draws)}
-    return [{"what": what, "fulcrum_mm": at, "cost": cost} for what, (at, cost) in optima.items()]
+    return [ChangedOptimum(what, fulcrum_mm=at, cost=cost) for what, (at, cost) in optima.items()]

@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
@@ -33,6 +32,7 @@ from vsf_drake.simulation.walk import Walker
 FLAT = 0.01  # share of a cost's size below which a difference is none (a choice)
 FEWEST_FREEDOMS = 2  # degrees of freedom from which a t test is made: with one it allows anything
 CONFIDENCE = 0.975
+Groups = Sequence[float | str]  # one a trial: trials of the same one repeat each other
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Difference:
         return None if self.spread is None else self.range > self.spread
 
 
-def difference(each: np.ndarray, groups: Sequence) -> Difference:
+def difference(each: np.ndarray, groups: Groups) -> Difference:
     """Of curves (T, m) whose T trials belong to groups; positions where a curve is unknown do not count."""
     known = np.isfinite(each).all(axis=0)
     if not known.any():
@@ -65,44 +65,58 @@ def difference(each: np.ndarray, groups: Sequence) -> Difference:
     return Difference(float(np.mean(ranges)), float(np.sqrt(squares / freedoms)) if freedoms else None)
 
 
+@dataclass(frozen=True)
+class Worth:
+    """How well the best position is known, and whether it matters: `uncertainty` and `matters` are of the cost's range
+    over the positions."""
+
+    interval_mm: tuple[float, float]
+    interval_meaning: str  # what it holds, in words
+    uncertainty: float | None
+    matters: bool | None
+    sentence: str
+
+
 def fulcrum_uncertainty(
-    found: Sweep, fulcrum_mm: float, draws: Sequence[Sweep], groups: Sequence, *, size: float, unit: str,
+    swept: Sweep, fulcrum_mm: float, draws: Sequence[Sweep], groups: Groups, *, size: float, unit: str,
     allowed_bw: float, gain: float
-) -> tuple[list[float], str, dict[str, Any]]:
-    """The interval of the best position (mm), what it holds in words, and of the table's outcome "cost" how uncertain
-    its range is, whether it matters and the sentence; from the sweep of T trials of these groups, the optimum (mm), the
-    draws and the cost's size.
+) -> Worth:
+    """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size.
 
     Args:
         allowed_bw: change of force (body weights) beyond which nobody would walk the given motion.
         gain: by how much the optimum is better than the recorded settings, in sizes of the cost.
     """
-    each = found.per_trial
-    optima = np.array([lowest(found.fulcrum_mm, row)[0] for row in each])
+    each = swept.per_trial
+    optima = np.array([lowest(swept.fulcrum_mm, row)[0] for row in each])
     drawn = [at for at, _ in (draw.lowest() for draw in draws) if np.isfinite(at)]
-    flat = flat_range(found.fulcrum_mm, each, groups, fulcrum_mm, size)
+    flat = flat_range(swept.fulcrum_mm, each, groups, fulcrum_mm, size)
+
+    # The interval holds what is as good as the optimum, the optima of all draws, and the optimum moved by as much as
+    # those of single trials are off the mean of their repetitions.
     apart = [optima[i] - optima[rows].mean() for rows in _members(groups) for i in rows if len(rows) > 1]
-    shifts = np.clip(fulcrum_mm + np.array(apart), found.fulcrum_mm[0], found.fulcrum_mm[-1])
+    shifts = np.clip(fulcrum_mm + np.array(apart), swept.fulcrum_mm[0], swept.fulcrum_mm[-1])
     ends = [value for value in (fulcrum_mm, *flat, *drawn, *shifts) if np.isfinite(value)]
+
+    # Without repetitions the draws say by how much the cost's range varies.
     width, by_draws = difference(each, groups), False
     if width.spread is None and len(drawn) > 1:
         ranges = [np.nanmax(draw.cost) - np.nanmin(draw.cost) for draw in draws]
         width, by_draws = Difference(width.range, float(np.std(ranges, ddof=1))), True
     matters = width.matters(size)
-    near, believable = found.believable(allowed_bw)
-    rest = each - found.terms.get(CONSISTENCY, 0.0)
+    near, believable = swept.believable(allowed_bw)
+    rest = each - swept.terms.get(CONSISTENCY, 0.0)
     meaning = say("level1", "interval", flat_share=FLAT, flat=flat, repeated=_freedoms(groups) >= FEWEST_FREEDOMS,
                   optima=(np.nanmin(optima), np.nanmax(optima)) if len(optima) > 1 else None, drawn=drawn)
     worth = say("level1", "worth", range=width.range, spread=width.spread, size=size, unit=unit, matters=matters,
                 by_draws=by_draws, allowed_bw=allowed_bw, near=believable if near.sum() > 1 else None,
-                near_range=difference(rest[:, near], groups).range, held=CONSISTENCY in found.terms, gain=gain,
+                near_range=difference(rest[:, near], groups).range, held=CONSISTENCY in swept.terms, gain=gain,
                 flat_share=FLAT)
-    return [float(min(ends)), float(max(ends))], meaning[0], {
-        "uncertainty": width.spread, "matters": matters, "sentence": " ".join(worth)}
+    return Worth((float(min(ends)), float(max(ends))), meaning[0], width.spread, matters, " ".join(worth))
 
 
 def flat_range(
-    fulcrum_mm: np.ndarray, each: np.ndarray, groups: Sequence, best_mm: float, size: float
+    fulcrum_mm: np.ndarray, each: np.ndarray, groups: Groups, best_mm: float, size: float
 ) -> tuple[float, float]:
     """(low, high) mm around the optimum where the mean of curves (T, m) cannot be told from its minimum."""
     excess = each - np.array([np.interp(best_mm, fulcrum_mm, row) for row in each])[:, None]
@@ -120,11 +134,11 @@ def flat_range(
     return min(float(fulcrum_mm[low]), best_mm), max(float(fulcrum_mm[high]), best_mm)
 
 
-def _members(groups: Sequence) -> list[list[int]]:
+def _members(groups: Groups) -> list[list[int]]:
     return [[i for i, other in enumerate(groups) if other == name] for name in dict.fromkeys(groups)]
 
 
-def _freedoms(groups: Sequence) -> int:
+def _freedoms(groups: Groups) -> int:
     return len(groups) - len(set(groups))
 
 
@@ -151,10 +165,12 @@ def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict
     def factor(name: str) -> float:
         return math.exp(spread[name] * rng.standard_normal())
 
-    found = []
+    sets: list[dict[str, float]] = []
     for _ in range(count):
-        values, slower = {}, factor("contact.damping_time")
+        values: dict[str, float] = {}
+        slower = factor("contact.damping_time")
         for zone in zones:
+            # F = k d^n with drawn F and n has at the reference depth d_0 the force: k' = f k d_0^(n - n')
             k, n, b = (own[f"contact.{zone}.{name}"] for name in ("stiffness", "exponent", "damping"))
             force = factor(f"contact.{zone}.force")
             exponent = n + spread[f"contact.{zone}.exponent"] * rng.standard_normal()
@@ -162,8 +178,8 @@ def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict
             values[f"contact.{zone}.stiffness"] = force * k * REFERENCE_DEPTH_M ** (n - exponent)
             values[f"contact.{zone}.exponent"] = exponent
             values[f"contact.{zone}.damping"] = slower * force * b
-        found.append(values | {name: own[name] * factor(name) for name in plain})
-    return found
+        sets.append(values | {name: own[name] * factor(name) for name in plain})
+    return sets
 
 
 def drawn_sweeps(
@@ -174,13 +190,13 @@ def drawn_sweeps(
     if any(part.walker.model != first.walker.model for part in tuning.parts):
         return [], ["the trials' models differ, so that one draw cannot be for all"]
     values = contact_draws(first.walker, first.trial.subject.prosthetic_side, tuning.options.draws, tuning.options.seed)
-    found: list[Sweep] = []
+    sweeps: list[Sweep] = []
     failed: list[str] = []
     for k, base in enumerate(values):
         try:
-            found.append(sweep(tuning, positions(tuning, x, SPACING_MM), step_s=tuning.options.search_step_s,
-                               base=base))
+            sweeps.append(sweep(tuning, positions(tuning, x, SPACING_MM), step_s=tuning.options.search_step_s,
+                                base=base))
         except (InputError, SimulationError) as error:  # no stance at the trial's own setting
             failed.append(str(error))
         progress((k + 1) / len(values))
-    return found, failed
+    return sweeps, failed

@@ -11,18 +11,31 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import COSTS, FORMAT, SETTINGS, WEIGHTED, Check, check_cost
+from vsf_drake.analysis.tuning.common import COSTS, SETTINGS, WEIGHTED, Check, check_cost
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
 from vsf_drake.analysis.tuning.level2.stride import LABELS, MM, OWN, Stride, StrideOptions
 from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, resimulate_with_feedback
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
+from vsf_drake.analysis.tuning.table import (
+    FORMAT,
+    ChangedOptimum,
+    Confirmation,
+    DesignValue,
+    Outcome,
+    Provenance,
+    SearchEnd,
+    SolverEnd,
+    SweepPoint,
+    Term,
+    TuningTable,
+    as_saved,
+)
 from vsf_drake.collocation import sqp
 from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution, resampled
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.files import plain
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.schema import to_plain
 from vsf_drake.sentences import say
@@ -117,28 +130,28 @@ def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None
     """The recorded stride as a possible motion, through the stages of smoothing to the last one, which alone is made
     where a stride to begin with is given (`warm`)."""
     own, stages = stride.own_m / MM, stride.options.stages if warm is None else stride.options.stages[-1:]
-    found: TrajectorySolution | None = None
+    solution: TrajectorySolution | None = None
     for i, smoothing in enumerate(stages):
         search = StrideSearch(dataclasses.replace(stride, smoothing=smoothing), "tracking", progress=progress)
-        start = found.last if found else warm or search.stride.start(own)
-        found = search.at(own, start, f"tracking, smoothing {i + 1} of {len(stages)}", i / len(stages))
-        if found.status == "interrupted":
+        start = solution.last if solution else warm or search.stride.start(own)
+        solution = search.at(own, start, f"tracking, smoothing {i + 1} of {len(stages)}", i / len(stages))
+        if solution.status == "interrupted":
             break
-    assert found is not None
-    return found
+    assert solution is not None
+    return solution
 
 
-def swept(search: StrideSearch, tracked_stride: Start, found: list[Fixed], *, chains: bool) -> None:
-    """Fills `found` with the best stride at each fixed position: of a cold start, and with `chains` of warm ones from
+def swept(search: StrideSearch, tracked_stride: Start, rows: list[Fixed], *, chains: bool) -> None:
+    """Fills `rows` with the best stride at each fixed position: of a cold start, and with `chains` of warm ones from
     the neighbours on both sides."""
-    found[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
+    rows[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
     passes = PASSES if chains else PASSES[:1]
     for number, kind in enumerate(passes):
         before: TrajectorySolution | None = None
-        for done, row in enumerate(reversed(found) if kind == "downward" else found):
+        for done, row in enumerate(reversed(rows) if kind == "downward" else rows):
             start = tracked_stride if kind == "cold" else None if before is None else before.last
             if start is not None:
-                fraction = (number * len(found) + done) / (len(passes) * len(found))
+                fraction = (number * len(rows) + done) / (len(passes) * len(rows))
                 solution = unless_interrupted(
                     search.at(row.fulcrum_mm, start, f"{row.fulcrum_mm:.0f} mm, {kind} start", fraction))
                 row.tried[kind] = solution.last_cost if solution.success else float("nan")
@@ -164,7 +177,7 @@ class StrideSolution:
     sweep: list[Fixed] = field(default_factory=list)  # the best stride at each fixed position
     free: list[tuple[float, TrajectorySolution]] = field(default_factory=list)  # from where (mm), the fulcrum free
     checks: list[Check] = field(default_factory=list)  # what the optimum was held against
-    confirmed: list[dict[str, Any]] = field(default_factory=list)  # rows of other solvers
+    confirmed: list[Confirmation] = field(default_factory=list)  # by other solvers
     simulated: dict[str, np.ndarray] = field(default_factory=dict)
     drawn: list[tuple[TrajectorySolution, Stride]] = field(default_factory=list)  # the optimum with drawn contacts
     message: str = ""  # how it ended
@@ -280,40 +293,40 @@ def solve(
         if not {"tracked_z", "tracked_p"} <= warm_start.keys():
             raise InputError("holds no stride", where="warm_start", right="Give the result of a tuning at level 2")
         warm = Start(z=np.array(warm_start["tracked_z"]), p=np.array(warm_start["tracked_p"]))
-    found = StrideSolution(tuning=tuning, tracked=tracked(tuning.stride, progress, warm),
+    result = StrideSolution(tuning=tuning, tracked=tracked(tuning.stride, progress, warm),
                            search=StrideSearch(tuning.stride, tuning.cost, progress=progress))
     try:
-        found.message = _search(found, progress)
+        result.message = _search(result, progress)
     except KeyboardInterrupt:
-        found.message = f"interrupted while {found.doing}"
-    found.wall_s = time.perf_counter() - began
-    return found
+        result.message = f"interrupted while {result.doing}"
+    result.wall_s = time.perf_counter() - began
+    return result
 
 
-def _search(found: StrideSolution, progress: Progress | None) -> str:
-    """Fills `found`; returns how it ended."""
-    options, search = found.tuning.options, found.search
-    if not unless_interrupted(found.tracked).success:
-        return f"the recorded stride could not be tracked: {found.tracked.message}"
-    search.sizes = {name: search.stride.value(name, found.tracked.y()) for name in COSTS}
-    found.doing = "sweeping the fulcrum"
-    swept(search, found.tracked.last, found.sweep, chains=options.confirm != ())
-    if not found.solved:
+def _search(result: StrideSolution, progress: Progress | None) -> str:
+    """Fills `result`; returns how it ended."""
+    options, search = result.tuning.options, result.search
+    if not unless_interrupted(result.tracked).success:
+        return f"the recorded stride could not be tracked: {result.tracked.message}"
+    search.sizes = {name: search.stride.value(name, result.tracked.y()) for name in COSTS}
+    result.doing = "sweeping the fulcrum"
+    swept(search, result.tracked.last, result.sweep, chains=options.confirm != ())
+    if not result.solved:
         return "no fixed position of the fulcrum could be solved"
-    found.doing = "searching with the fulcrum free"
-    for i, (mm, fixed) in enumerate(_spread(found.solved, options.starts)):
+    result.doing = "searching with the fulcrum free"
+    for i, (mm, fixed) in enumerate(_spread(result.solved, options.starts)):
         solution = search.free(fixed.last, f"free from {mm:.0f} mm", i / options.starts)
-        found.free.append((mm, solution))
+        result.free.append((mm, solution))
         unless_interrupted(solution)
-    if found.best is None:
-        return "no search with the fulcrum free converged: " + found.free[0][1].message
-    found.doing = "checking the solution"
-    _check(found, found.best, progress)
-    _draw(found, found.best)
+    if result.best is None:
+        return "no search with the fulcrum free converged: " + result.free[0][1].message
+    result.doing = "checking the solution"
+    _check(result, result.best, progress)
+    _draw(result, result.best)
     for solver in options.confirm:
         if progress:
             progress(f"confirming with {solver}", 0.9, None)
-        found.confirmed.append(_confirmed(found.best, solver, options.time_limit_s))
+        result.confirmed.append(_confirmed(result.best, solver, options.time_limit_s))
     return "first-order conditions hold"
 
 
@@ -329,42 +342,42 @@ def _spread(good: list[tuple[float, TrajectorySolution]], count: int) -> list[tu
 # Checks of an optimal stride: carried out by the full model, on a finer mesh, with softer contact, by other solvers.
 
 
-def _check(found: StrideSolution, best: TrajectorySolution, progress: Progress | None) -> None:
-    """Fills `found.checks` and `found.simulated`."""
-    tuning, search, stride = found.tuning, found.search, found.search.stride
+def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress | None) -> None:
+    """Fills `result.checks` and `result.simulated`."""
+    tuning, search, stride = result.tuning, result.search, result.search.stride
 
     def add(name: str, label: str, value: float | None, unit: str, target: str, met: bool | None, *, part: str = "",
             **numbers: Any) -> None:
-        found.checks.append(Check(name, label, value, unit, target, met, say("stride", part or name, **numbers)[0]))
+        result.checks.append(Check(name, label, value, unit, target, met, say("stride", part or name, **numbers)[0]))
 
-    worst, force = _tracking_errors(found.tracked, stride)
+    worst, force = _tracking_errors(result.tracked, stride)
     add("tracking_motion", "tracked stride, worst angle", worst, "deg", f"<= {ANGLE_DEG:g}", worst <= ANGLE_DEG,
         worst=worst)
     add("tracking_force", "tracked stride, resultant force of the worse foot", 100.0 * force, "% body weight",
         f"<= {100.0 * FORCE_BW:g}", force <= FORCE_BW, force=force)
     add("violation", "largest violation of an equation", best.violation, "scaled", f"<= {VIOLATION:g}",
         best.violation <= VIOLATION)
-    fixed = [solution.last_cost for _, solution in found.solved]
+    fixed = [solution.last_cost for _, solution in result.solved]
     add("fixed_positions", "against the best fixed position", best.last_cost - min(fixed), "1", "<= 0",
         best.last_cost <= min(fixed) + 1e-9, cost=best.last_cost, count=len(fixed), least=min(fixed))
-    ends = [position_mm(solution) for _, solution in found.free if solution.success]
-    if len(found.free) > 1:
+    ends = [position_mm(solution) for _, solution in result.free if solution.success]
+    if len(result.free) > 1:
         spread = max(ends) - min(ends)
         add("starts", "where searches from several positions end", spread, "mm", f"<= {STARTS_MM:g}",
-            spread <= STARTS_MM and len(ends) == len(found.free), converged=len(ends), count=len(found.free),
+            spread <= STARTS_MM and len(ends) == len(result.free), converged=len(ends), count=len(result.free),
             spread=spread)
     if progress:
         progress("re-simulating", 0.5, None)
-    trajectory = solved_trajectory(best, tuning.walker, offsets=tuning.trial.offsets)
+    trajectory = solved_trajectory(best, tuning.walker, outputs=stride.function.names, offsets=tuning.trial.offsets)
     for kind, simulate in (("prescribed", resimulate_prescribed), ("feedback", resimulate_with_feedback)):
         try:
             run = simulate(tuning.walker, trajectory)
         except SimulationError as error:
-            found.checks.append(Check(f"resimulation_{kind}", f"re-simulation, {kind}", None, "% body weight", "",
+            result.checks.append(Check(f"resimulation_{kind}", f"re-simulation, {kind}", None, "% body weight", "",
                                       False, str(error)))
         else:
-            found.checks.append(run.as_check())
-            found.simulated |= run.arrays()
+            result.checks.append(run.as_check())
+            result.simulated |= run.arrays()
     if not tuning.options.confirm:
         return
     grid = dataclasses.replace(stride.grid, intervals=2 * stride.grid.intervals)
@@ -396,113 +409,109 @@ def _tracking_errors(solution: TrajectorySolution, stride: Stride) -> tuple[floa
     return float(np.sqrt(np.mean(np.delete(angles, (1, 2), axis=1) ** 2, axis=0)).max()), force
 
 
-def _confirmed(best: TrajectorySolution, solver: str, time_limit_s: float) -> dict[str, Any]:
-    """The row of a solver that searches again from the optimum."""
-    row: dict[str, Any] = {"solver": solver, "fulcrum_mm": None, "cost": None, "success": False, "start": "warm"}
+def _confirmed(best: TrajectorySolution, solver: str, time_limit_s: float) -> Confirmation:
+    """Where a solver ends that searches again from the optimum."""
     try:
         again = confirm(best.problem, best.last, solver, time_limit_s=time_limit_s)
     except (InputError, RuntimeError) as error:
-        return row | {"message": str(error)}
-    return row | {"fulcrum_mm": position_mm(again), "cost": again.last_cost, "success": again.success,
-                  "message": again.message}
+        return Confirmation(solver, fulcrum_mm=None, cost=None, success=False, start="warm", message=str(error))
+    return Confirmation(solver, fulcrum_mm=position_mm(again), cost=again.last_cost, success=again.success,
+                        start="warm", message=again.message)
 
 
-def _draw(found: StrideSolution, best: TrajectorySolution) -> None:
+def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
     """The best stride with each drawn contact that the data would have allowed as well, see `level1.uncertainty`."""
-    tuning = found.tuning
+    tuning = result.tuning
     drawn = contact_draws(tuning.walker, tuning.trial.subject.prosthetic_side, tuning.options.draws,
                           tuning.options.seed)
     rows = []
     for i, values in enumerate(drawn):
-        other = _changed(found.search, model=SagittalModel(tuning.walker, offsets=tuning.trial.offsets, values=values))
+        other = _changed(result.search, model=SagittalModel(tuning.walker, offsets=tuning.trial.offsets, values=values))
         solution = other.free(best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn))
         rows.append((unless_interrupted(solution), other.stride))
-    found.drawn = rows
+    result.drawn = rows
 
 
-# A tuning with a free motion as plain numbers: what `tuning.json` and `tuning.npz` hold.
+# A tuning with a free motion as records: what `tuning.json` and `tuning.npz` hold.
 
 
-def stride_table(found: StrideSolution) -> dict[str, Any]:
-    """The content of `tuning.json`: all `common.KEYS`; None or empty where something was not reached."""
-    tuning, best, stride = found.tuning, found.shown, found.search.stride
+def stride_table(result: StrideSolution) -> TuningTable:
+    """The content of `tuning.json`."""
+    tuning, best, stride = result.tuning, result.shown, result.search.stride
     names = tuning.options.weights if tuning.cost == WEIGHTED else (tuning.cost,)
     whole = sum(abs(value) for value in best.terms.values()) or 1.0
-    rows = [{"fulcrum_mm": row.fulcrum_mm, "cost": None if row.solution is None else row.solution.last_cost,
-             "terms": {} if row.solution is None else row.solution.terms,
-             "outcomes": {} if row.solution is None else outcomes(row.solution, stride)} for row in found.sweep]
-    low, high = stride.reach_mm
-    design = [{"name": "fulcrum", "unit": "mm", "value": position_mm(best), "low": low, "high": high,
-               "default": stride.own_m / MM}]
-    design += [{"name": name, "unit": UNITS[i], "value": float(best.last.p[i]), "low": float(best.problem.p_low[i]),
-                "high": float(best.problem.p_high[i]), "default": float(OWN[i])}
+    (low, high), p = stride.reach_mm, best.last.p
+    design = [DesignValue("fulcrum", "mm", position_mm(best), low=low, high=high, default=stride.own_m / MM)]
+    design += [DesignValue(name, UNITS[i], float(p[i]), low=float(best.problem.p_low[i]),
+                           high=float(best.problem.p_high[i]), default=float(OWN[i]))
                for i, name in enumerate(DESIGN) if name in tuning.options.design]
-    near = _as_good(found)
-    lost = [row.fulcrum_mm for row in found.sweep if row.solution is None and row.tried]
-    other = [row for row in found.sweep if len({f"{cost:.4g}" for cost in row.tried.values() if np.isfinite(cost)}) > 1]
-    return plain({
-        "format": FORMAT, "level": 2, "cost_name": tuning.cost, "cost_label": " and ".join(
-            LABELS[name] for name in names), "cost_unit": "1", "optimal": found.success, "status": found.message,
-        "fulcrum_mm": position_mm(best), "cost": best.last_cost,
-        "at_bound": list(best.at_bound) if found.success else [], "fulcrum_interval_mm": near,
-        "interval_meaning": say("stride", "interval", little=LITTLE)[0] if near else "", "design": design,
-        "terms": [{"name": name, "label": LABELS[name], "value": value, "share": value / whole}
-                  for name, value in best.terms.items()],
-        "sweep": rows, "outcomes": _outcomes(found),
-        "solver": {"name": "Gauss-Newton SQP", "message": best.message, "iterations": best.iterations,
-                   "evaluations": best.evaluations, "violation": best.violation, "optimality": best.optimality},
-        "confirmed_by": found.confirmed,
-        "starts": [{"fulcrum_mm": mm, "end_mm": position_mm(s), "cost": s.last_cost, "success": s.success}
-                   for mm, s in found.free],
-        "checks": [vars(check) for check in found.checks], "tasks": [], "common_fulcrum_mm": None, "pareto": [],
-        "pareto_names": [],
-        "robustness": [{"what": f"drawn contact {i + 1}", "fulcrum_mm": position_mm(s) if s.success else None,
-                        "cost": s.last_cost if s.success else None} for i, (s, _) in enumerate(found.drawn)],
-        "trials": [tuning.label], "recorded_mm": [stride.own_m / MM], "synthetic": tuning.trial.synthetic,
-        "notes": [*say("stride", "limits"), *stride.recorded.notes,
-                  *say("stride", "sweep", lost=lost, different=len(other), count=len(found.sweep))],
-        "wall_s": found.wall_s, "provenance": {"options": to_plain(tuning.options)} | provenance(tuning.trial.inputs)})
+    near = _as_good(result)
+    lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
+    different = [row for row in result.sweep
+                 if len({f"{cost:.4g}" for cost in row.tried.values() if np.isfinite(cost)}) > 1]
+    return as_saved(TuningTable(
+        format=FORMAT, level=2, cost_name=tuning.cost, cost_label=" and ".join(LABELS[name] for name in names),
+        cost_unit="1", optimal=result.success, status=result.message, fulcrum_mm=position_mm(best),
+        cost=best.last_cost, at_bound=best.at_bound if result.success else (), fulcrum_interval_mm=near,
+        interval_meaning=say("stride", "interval", little=LITTLE)[0] if near else "", design=tuple(design),
+        terms=tuple(Term(name, LABELS[name], value, value / whole) for name, value in best.terms.items()),
+        sweep=tuple(SweepPoint(row.fulcrum_mm, None) if row.solution is None else SweepPoint(
+            row.fulcrum_mm, row.solution.last_cost, row.solution.terms, outcomes(row.solution, stride))
+            for row in result.sweep),
+        outcomes=tuple(_outcomes(result)),
+        solver=SolverEnd(name="Gauss-Newton SQP", message=best.message, iterations=best.iterations,
+                         evaluations=best.evaluations, violation=best.violation, optimality=best.optimality),
+        confirmed_by=tuple(result.confirmed),
+        starts=tuple(SearchEnd(mm, position_mm(s), s.last_cost, s.success) for mm, s in result.free),
+        checks=tuple(result.checks), tasks=(), common_fulcrum_mm=None, pareto=(), pareto_names=(),
+        robustness=tuple(ChangedOptimum(f"drawn contact {i + 1}", position_mm(s) if s.success else None,
+                                        s.last_cost if s.success else None) for i, (s, _) in enumerate(result.drawn)),
+        trials=(tuning.label,), recorded_mm=(stride.own_m / MM,), synthetic=tuning.trial.synthetic,
+        notes=(*say("stride", "limits"), *stride.recorded.notes,
+               *say("stride", "sweep", lost=lost, different=len(different), count=len(result.sweep))),
+        wall_s=result.wall_s,
+        provenance=Provenance(options=to_plain(tuning.options), **provenance(tuning.trial.inputs))))
 
 
-def stride_arrays(found: StrideSolution) -> dict[str, np.ndarray]:
+def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
     """The content of `tuning.npz`: motion, torque (N m) and force (N) over the phase, recorded and re-simulated."""
-    stride, best = found.search.stride, found.shown.unsealed()
+    stride, best = result.search.stride, result.shown.unsealed()
     function, grid, reference, y = stride.function, stride.grid, stride.reference, best.y()
     torque = function.starting_with("torque_")
     arrays = {"phase": grid.times_s / grid.duration_s, "names": np.array(function.layout.coordinates),
               "q": best.z[:, function.layout.q], "q_recorded": reference.q, "torque": y[:, torque],
-              "torque_recorded": found.tracked.unsealed().y()[:, torque], "tracked_z": found.tracked.last.z,
-              "tracked_p": found.tracked.last.p, "best_z": best.z, "best_p": best.p}
+              "torque_recorded": result.tracked.unsealed().y()[:, torque], "tracked_z": result.tracked.last.z,
+              "tracked_p": result.tracked.last.p, "best_z": best.z, "best_p": best.p}
     for foot, force in reference.force.items():
         arrays[f"grf_{foot}"] = y[:, function.index(f"{foot}_fx", f"{foot}_fz")]
         if reference.known[foot].all():
             arrays[f"grf_{foot}_recorded"] = force
-    return arrays | {name: value[:grid.instants] for name, value in found.simulated.items()}
+    return arrays | {name: value[:grid.instants] for name, value in result.simulated.items()}
 
 
-def _outcomes(found: StrideSolution) -> list[dict[str, Any]]:
+def _outcomes(result: StrideSolution) -> list[Outcome]:
     """At four settings; `uncertainty`: standard deviation over the drawn contacts, None of fewer than two."""
-    stride, rows = found.search.stride, []
-    over = [outcomes(solution, stride) for _, solution in found.solved]
+    stride = result.search.stride
+    over = [outcomes(solution, stride) for _, solution in result.solved]
     if not over:
         return []
-    at = dict(zip(SETTINGS, (over[0], outcomes(found.shown, stride), over[-1], outcomes(found.tracked, stride)),
-                  strict=True))
-    drawn = [outcomes(solution, other) for solution, other in found.drawn if solution.success]
+    settings = (over[0], outcomes(result.shown, stride), over[-1], outcomes(result.tracked, stride))
+    drawn = [outcomes(solution, other) for solution, other in result.drawn if solution.success]
+    rows = []
     for name, (label, unit) in KINDS.items():
-        values = {setting: found_at[name] for setting, found_at in at.items()}
-        error = float(np.std([each[name] for each in drawn], ddof=1)) if len(drawn) > 1 else None
-        range_over = max(each[name] for each in over) - min(each[name] for each in over)
-        rows.append({"name": name, "label": label, "unit": unit, **values, "uncertainty": error,
-                     "matters": None if error is None else bool(range_over > SURE * error),
-                     "sentence": say("stride", "outcome", label=label, unit=unit, **values)[0]})
+        at = {setting: values[name] for setting, values in zip(SETTINGS, settings, strict=True)}
+        error = float(np.std([values[name] for values in drawn], ddof=1)) if len(drawn) > 1 else None
+        range_over = max(values[name] for values in over) - min(values[name] for values in over)
+        rows.append(Outcome(name=name, label=label, unit=unit, **at, uncertainty=error,
+                            matters=None if error is None else bool(range_over > SURE * error),
+                            sentence=say("stride", "outcome", label=label, unit=unit, **at)[0]))
     return rows
 
 
-def _as_good(found: StrideSolution) -> list[float] | None:
+def _as_good(result: StrideSolution) -> tuple[float, float] | None:
     """Between which fixed positions the cost is as good as the least."""
-    if not found.solved or found.best is None:
+    if not result.solved or result.best is None:
         return None
-    most = found.best.last_cost + LITTLE * abs(found.best.last_cost)
-    near = [mm for mm, solution in found.solved if solution.last_cost <= most] + [position_mm(found.best)]
-    return [min(near), max(near)]
+    most = result.best.last_cost + LITTLE * abs(result.best.last_cost)
+    near = [mm for mm, solution in result.solved if solution.last_cost <= most] + [position_mm(result.best)]
+    return min(near), max(near)

@@ -134,18 +134,18 @@ class StrideReference:
 def stride_reference(recorded: RecordedStride, times: np.ndarray, late_share: float) -> StrideReference:
     """The recorded stride at instants (N,) s."""
     period, never = recorded.period_s, np.zeros(len(times), dtype=bool)
-    found: dict[str, dict[str, np.ndarray]] = {name: {} for name in ("force", "cop_x", "known", "stance", "clear")}
+    by_foot: dict[str, dict[str, np.ndarray]] = {name: {} for name in ("force", "cop_x", "known", "stance", "clear")}
     for foot, span in zip(FEET, (recorded.prosthetic_stance, recorded.intact_stance), strict=True):
         force, cop = recorded.measured(foot, times)
-        found["force"][foot], found["cop_x"][foot] = np.nan_to_num(force[:, :2]), np.nan_to_num(cop)
-        found["known"][foot] = np.isfinite(force[:, :2]).all(axis=1)
-        found["stance"][foot] = found["clear"][foot] = never
+        by_foot["force"][foot], by_foot["cop_x"][foot] = np.nan_to_num(force[:, :2]), np.nan_to_num(cop)
+        by_foot["known"][foot] = np.isfinite(force[:, :2]).all(axis=1)
+        by_foot["stance"][foot] = by_foot["clear"][foot] = never
         if span is not None:
-            found["stance"][foot] = ~np.isnan(_share(times, *span, period))
+            by_foot["stance"][foot] = ~np.isnan(_share(times, *span, period))
             swing = _share(times, span[1], span[0] + period, period)
-            found["clear"][foot] = (swing >= SWING_MIDDLE[0]) & (swing <= SWING_MIDDLE[1])
+            by_foot["clear"][foot] = (swing >= SWING_MIDDLE[0]) & (swing <= SWING_MIDDLE[1])
     q, v, a = recorded.sample(times)
-    return StrideReference(q=q, v=v, a=a, **found,
+    return StrideReference(q=q, v=v, a=a, **by_foot,
                            late=_share(times, *recorded.prosthetic_stance, period) >= late_share)
 
 
@@ -239,7 +239,9 @@ class Stride:
 
     def terms(self, cost: str, factor: float = 1.0) -> list[Term]:
         """Of a cost by its name, times `factor`."""
-        return getattr(self, f"_{cost}")(factor)
+        kinds = {"joint_load": self._joint_load, "metabolic": self._metabolic, "push_off": self._push_off,
+                 "deviation": self._deviation, "tracking": self._tracking}
+        return kinds[cost](factor)
 
     def minimised(self, cost: str, sizes: Mapping[str, float]) -> list[Term]:
         """The terms that are minimised for `cost`, named; sizes: of the costs in the tracked stride."""
@@ -275,19 +277,19 @@ class Stride:
         scale = np.full(n, np.radians(options.angle_deg))
         scale[1:3] = options.place_m
         each = 2.0 * factor / self.grid.duration_s
-        found: list[Term] = [Residuals(outputs=self.function.starting_with("q_"), target=reference.q,
+        terms: list[Term] = [Residuals(outputs=self.function.starting_with("q_"), target=reference.q,
                                        weight=0.5 * each / n / scale**2)]
         fast = np.full(n, options.acceleration_rad_per_s2)
         fast[1:3] = options.acceleration_m_per_s2
-        found.append(Residuals(outputs=self.function.starting_with("a_"), target=reference.a,
+        terms.append(Residuals(outputs=self.function.starting_with("a_"), target=reference.a,
                                weight=each * options.acceleration_weight / n / fast**2))
         for foot, force in reference.force.items():
             outputs = self.function.index(f"{foot}_fx", f"{foot}_fz", f"{foot}_cop_moment")
             scales = self.model.weight * np.array([options.force_bw, options.force_bw, options.cop_m])
-            found.append(Residuals(outputs=outputs, target=np.column_stack([force, np.zeros(len(force))]),
+            terms.append(Residuals(outputs=outputs, target=np.column_stack([force, np.zeros(len(force))]),
                                    weight=0.5 * each / (3 * len(reference.force)) * reference.known[foot][:, None]
                                    / scales**2))
-        return found
+        return terms
 
     def _tracking(self, factor: float) -> list[Term]:
         return self._deviation(factor) + self._joint_load(factor * self.options.torque_weight / TYPICAL_LOAD)
@@ -445,4 +447,4 @@ def _solved(by_w: np.ndarray, by_u: np.ndarray, rates: sp.coo_matrix, r: np.ndar
     of, at = (np.concatenate([np.arange(N), part]) * k for part in (rates.row, rates.col))
     entries = np.concatenate([by_w, by_u[..., rates.row] * rates.data], axis=-1)
     A = sp.csc_matrix((entries.ravel(), ((of + i).ravel(), (at + j).ravel())), shape=(k * N, k * N))
-    return splu(A).solve(r.T.ravel()).reshape(N, k).T
+    return np.asarray(splu(A).solve(r.T.ravel())).reshape(N, k).T

@@ -161,12 +161,12 @@ class Resimulation:
             return [*say("resimulation", "fell", run=self), *helped]
         t, over = self.trajectory, [self.difference(foot) for foot in FEET]
         angles = [(rms, name) for name, rms in self.motion_rms.items() if not name.endswith(("_tx", "_ty"))]
-        told = say("resimulation", "found", run=self, worst=max(angles, default=None),
+        main = say("resimulation", "found", run=self, worst=max(angles, default=None),
                    raw=max(self.difference(foot, filtered=False).resultant for foot in FEET),
                    stance=max(self.difference(foot, over=STANCE).resultant for foot in FEET),
                    parts=max(max(d.fore_aft, d.vertical) for d in over))
         standing = [] if t.periodic else [foot for foot in FEET if t.grf[foot][0, 1] > THRESHOLD_N]
-        return [*told, *helped, *say("resimulation", "notes", standing=standing,
+        return [*main, *helped, *say("resimulation", "notes", standing=standing,
                                      alternation=t.alternation if t.alternation > ALTERNATES else None)]
 
 
@@ -185,9 +185,9 @@ def _assess(
              for foot, sites in zip(FEET, (slice(0, count), slice(count, None)), strict=True)}
 
     def at_instants(force: np.ndarray) -> np.ndarray:
-        found = np.column_stack([np.interp(instants, time, column) for column in force[:, [0, 2]].T])
-        found[~counted] = np.nan
-        return found
+        sampled = np.column_stack([np.interp(instants, time, column) for column in force[:, [0, 2]].T])
+        sampled[~counted] = np.nan
+        return sampled
 
     motion_rms = {}
     if kind == FEEDBACK:
@@ -341,7 +341,8 @@ def drive(
 
     def down(record: Record, done: int) -> np.ndarray:
         q = record.q[:done, moving]
-        return (np.abs(q[:, tilt] - states[:done, tilt]) > FALLEN_TILT) | (states[:done, up] - q[:, up] > FALLEN_M)
+        tilted = np.abs(q[:, tilt] - states[:done, tilt]) > FALLEN_TILT
+        return np.asarray(tilted | (states[:done, up] - q[:, up] > FALLEN_M))
 
     stepper = Stepper(mechanism)
     stepper.warm_up()
@@ -442,9 +443,9 @@ class LinearSteps:
     def whole(self) -> np.ndarray:
         """(N, 2 f, 16) x as it is expected from what the person senses."""
         n, f, c = self.inner.shape
-        found = np.zeros((n, 2 * f, 2 * c))
-        found[:, :f, :c] = found[:, f:, c:] = self.inner
-        return found
+        whole = np.zeros((n, 2 * f, 2 * c))
+        whole[:, :f, :c] = whole[:, f:, c:] = self.inner
+        return whole
 
 
 def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> LinearSteps:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import BPoly, CubicSpline
@@ -94,7 +93,7 @@ class SolutionMotion:
         turns = np.zeros(len(times)) if t.period_s is None else np.floor((times - t.start_s) / t.period_s)
         inside = np.clip(times - turns * (t.period_s or 0.0), t.start_s, t.end_s)
         q, v, a = (spline(inside) for spline in self._splines)
-        if t.periodic:
+        if t.advance is not None:
             return q + turns[:, None] * t.advance, v, a
         out = (times - inside)[:, None]
         return q + out * v + 0.5 * out**2 * a, v + out * a, a
@@ -131,22 +130,21 @@ def design_values(
 
 
 def solved_trajectory(
-    solution: TrajectorySolution, walker: Walker, *, offsets: GeometricOffsets | None = None
+    solution: TrajectorySolution, walker: Walker, *, outputs: Sequence[str], offsets: GeometricOffsets | None = None
 ) -> SagittalTrajectory:
     """Motion, torques and ground reaction of a solution, with its fulcrum and its device; FitError where it is none.
 
     Args:
-        solution: of a problem whose function has the outputs torque_COORDINATE and FOOT_fx, FOOT_fz of
-            `SagittalModel`, and the parameters `DESIGN`.
+        solution: of a problem with the parameters `DESIGN`. outputs: names of its function's outputs, among them the
+            torque_COORDINATE and FOOT_fx, FOOT_fz of `SagittalModel`.
         walker: whose device the design multiplies. offsets: of the walk, as the sagittal model was made with them.
     """
     problem, y = solution.problem, solution.y()
-    layout, grid, names = problem.layout, problem.grid, list(problem.function.names)
-    period: dict[str, Any] = {"period_s": grid.duration_s, "advance": problem.advance} if grid.periodic else {}
+    layout, grid, names = problem.layout, problem.grid, list(outputs)
 
-    def closed(rows: np.ndarray, further: Any = 0.0) -> np.ndarray:
+    def closed(rows: np.ndarray, further: np.ndarray | float = 0.0) -> np.ndarray:
         """Of a period, whose instants are without its end, with that."""
-        return np.concatenate([rows, rows[:1] + further]) if period else np.array(rows)
+        return np.concatenate([rows, rows[:1] + further]) if grid.periodic else np.array(rows)
 
     def columns(*wanted: str) -> np.ndarray:
         return closed(y[:, [names.index(name) for name in wanted]])
@@ -156,6 +154,7 @@ def solved_trajectory(
     design = dict(zip(DESIGN, (float(x) for x in solution.p), strict=True))
     return SagittalTrajectory(
         time_s=closed(grid.times_s, grid.duration_s), names=coordinates, q=closed(q, problem.advance), v=closed(v),
-        a=closed(a), torque=columns(*(f"torque_{name}" for name in coordinates[len(PELVIS):])), **period,
+        a=closed(a), torque=columns(*(f"torque_{name}" for name in coordinates[len(PELVIS):])),
+        period_s=grid.duration_s if grid.periodic else None, advance=problem.advance if grid.periodic else None,
         grf={foot: columns(f"{foot}_fx", f"{foot}_fz") for foot in FEET}, fulcrum_m=design.pop("fulcrum_m"),
         values=design_values(walker, **design), offsets=offsets or GeometricOffsets())

@@ -20,23 +20,21 @@ from vsf_drake.analysis.tuning.level1.options import TuningOptions
 from vsf_drake.motion.events import Stance
 
 N, STEP, MASS, LEG = 1000, 1e-3, 80.0, 0.9
-WEIGHT = MASS * 9.81
-LASTS = 0.6
-BY = 2.0
-"""Change of every series by the one design variable, per unit of the series."""
-
-
-def signal(value):
-    return np.stack([value, BY * value], axis=2)
+WEIGHT, LASTS = MASS * 9.81, 0.6
+BY = 2.0  # change of every series by the one design variable, per unit of the series
 
 
 def constant(*values):
     return np.tile(np.array(values, dtype=float), (N, 1))
 
 
+def signal(*values):
+    return np.stack([constant(*values), BY * constant(*values)], axis=2)
+
+
 def loads(*, force=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0), joints=(0.0, 0.0), socket=(0.0,) * 6):
-    return WalkLoads(ground=signal(constant(*moment, *force)), joints=signal(constant(*joints)),
-                     socket=signal(constant(*socket)), pelvis=np.zeros((N, 3)))
+    return WalkLoads(ground=signal(*moment, *force), joints=signal(*joints), socket=signal(*socket),
+                     pelvis=np.zeros((N, 3)))
 
 
 def frame(*, rates=(0.0, 0.0), twist=(0.0,) * 6, own=None, plate=None):
@@ -48,56 +46,47 @@ def frame(*, rates=(0.0, 0.0), twist=(0.0,) * 6, own=None, plate=None):
                        own=own or loads(), plate_W=None if plate is None else constant(*plate))
 
 
-def test_a_constant_moment_counts_by_its_square_over_weight_and_leg():
-    found = joint_load(frame(), loads(joints=(60.0, -20.0)), socket_weight=0.01)
-    assert found["joint_moments"][0] == pytest.approx((60.0**2 + 20.0**2) / (WEIGHT * LEG) ** 2, rel=1e-12)
-    assert found["socket"][0] == 0.0
-
-
-def test_the_socket_counts_its_force_over_weight_and_its_moment_over_weight_and_leg():
-    found = joint_load(frame(), loads(socket=(0.0, 300.0, 700.0, 40.0, 0.0, 5.0)), socket_weight=0.01)
+def test_joints_and_socket_count_by_their_squares_over_weight_and_leg():
+    terms = joint_load(frame(), loads(joints=(60.0, -20.0)), socket_weight=0.01)
+    assert terms["joint_moments"][0] == pytest.approx((60.0**2 + 20.0**2) / (WEIGHT * LEG) ** 2, rel=1e-12)
+    assert terms["socket"][0] == 0.0
+    terms = joint_load(frame(), loads(socket=(0.0, 300.0, 700.0, 40.0, 0.0, 5.0)), socket_weight=0.01)
     wanted = (300.0**2 + 700.0**2) / WEIGHT**2 + (40.0**2 + 5.0**2) / (WEIGHT * LEG) ** 2
-    assert found["socket"][0] == pytest.approx(0.01 * wanted, rel=1e-12)
+    assert terms["socket"][0] == pytest.approx(0.01 * wanted, rel=1e-12)
 
 
 def test_positive_work_costs_four_times_itself_and_negative_work_five_sixths():
-    found = metabolic(frame(rates=(2.0, -1.0)), loads(joints=(50.0, 60.0)))
-    assert found["positive_work"][0] == pytest.approx(100.0 * LASTS / 0.25 / MASS, rel=1e-12)
-    assert found["negative_work"][0] == pytest.approx(60.0 * LASTS / 1.2 / MASS, rel=1e-12)
+    terms = metabolic(frame(rates=(2.0, -1.0)), loads(joints=(50.0, 60.0)))
+    assert terms["positive_work"][0] == pytest.approx(100.0 * LASTS / 0.25 / MASS, rel=1e-12)
+    assert terms["negative_work"][0] == pytest.approx(60.0 * LASTS / 1.2 / MASS, rel=1e-12)
 
 
-def test_push_off_is_the_late_work_of_the_ground_on_the_moving_shank():
-    found = push_off(frame(twist=(0.0, 0.5, 0.0, 1.2, 0.0, 0.1)),
+def test_push_off_is_the_late_work_of_the_ground_on_the_moving_shank_and_never_negative():
+    terms = push_off(frame(twist=(0.0, 0.5, 0.0, 1.2, 0.0, 0.1)),
                      loads(force=(100.0, 0.0, 900.0), moment=(0.0, 80.0, 0.0)))
     power = 80.0 * 0.5 + 100.0 * 1.2 + 900.0 * 0.1
-    assert value_of(found) == pytest.approx(-power * (LASTS / 2) / MASS, rel=1e-12)
-
-
-def test_power_that_the_foot_takes_is_no_push_off():
-    found = push_off(frame(twist=(0.0, 0.0, 0.0, 0.0, 0.0, -0.2)), loads(force=(0.0, 0.0, 900.0)))
-    assert value_of(found) == 0.0
+    assert value_of(terms) == pytest.approx(-power * (LASTS / 2) / MASS, rel=1e-12)
+    taken = push_off(frame(twist=(0.0, 0.0, 0.0, 0.0, 0.0, -0.2)), loads(force=(0.0, 0.0, 900.0)))
+    assert value_of(taken) == 0.0
 
 
 def test_tracking_and_consistency_are_squared_body_weights_from_plate_and_own_force():
     given = frame(own=loads(force=(0.0, 0.0, 0.5 * WEIGHT)), plate=(0.0, 0.1 * WEIGHT, 0.8 * WEIGHT))
-    found = walk_terms(given, loads(force=(0.2 * WEIGHT, 0.0, WEIGHT)), TuningOptions())
-    parts = {name: term[0] for name, term in found["tracking"].items()}
+    terms = walk_terms(given, loads(force=(0.2 * WEIGHT, 0.0, WEIGHT)), TuningOptions())
+    parts = {name: term[0] for name, term in terms["tracking"].items()}
     assert parts == pytest.approx({"fore_aft": 0.04, "lateral": 0.01, "vertical": 0.04}, rel=1e-12)
-    assert value_of(found[CONSISTENCY]) == pytest.approx(0.04 + 0.25, rel=1e-12)
-
-
-def test_a_trial_without_a_plate_has_no_tracking():
-    assert "tracking" not in walk_terms(frame(), loads(), TuningOptions())
+    assert value_of(terms[CONSISTENCY]) == pytest.approx(0.04 + 0.25, rel=1e-12)
+    assert "tracking" not in walk_terms(frame(), loads(), TuningOptions()), "without a plate"
 
 
 def test_derivatives_are_those_of_series_that_grow_in_proportion():
     """d/ds of c((1 + 2 s) series) at 0: twice that for a quadratic cost, once for one that is linear in the force."""
-    found = loads(force=(50.0, 0.0, 700.0), joints=(60.0, 10.0), socket=(1.0, 2.0, 700.0, 30.0, 4.0, 5.0))
-    squares = joint_load(frame(), found, socket_weight=0.01) | deviation(frame(), found, np.zeros((N, 3)))
+    given = loads(force=(50.0, 0.0, 700.0), joints=(60.0, 10.0), socket=(1.0, 2.0, 700.0, 30.0, 4.0, 5.0))
+    squares = joint_load(frame(), given, socket_weight=0.01) | deviation(frame(), given, np.zeros((N, 3)))
     for value, by in squares.values():
         assert by == pytest.approx(2.0 * BY * value)
     moving = frame(rates=(2.0, -1.0), twist=(0.0, 0.0, 0.0, 1.0, 0.0, 0.1))
-    for value, by in (metabolic(moving, found) | push_off(moving, found)).values():
+    for value, by in (metabolic(moving, given) | push_off(moving, given)).values():
         assert by == pytest.approx(BY * value, rel=1e-12)
 
 
@@ -120,12 +109,12 @@ def test_a_mean_square_counts_each_instant_by_its_weight():
 @pytest.mark.parametrize("margin_s", [0.0, 0.03])
 def test_the_margin_counts_before_touch_down_and_after_toe_off(made_tuning, margin_s):
     """And half a stance and one margin of push-off: sums of the steps, one more or less."""
-    found = made_tuning(margin_s=margin_s, late_share=0.5).parts[0].frame(2e-3)
-    (stance,) = found.stances
-    counted = found.time_s[found.inside > 0.0]
+    made = made_tuning(margin_s=margin_s, late_share=0.5).parts[0].frame(2e-3)
+    (stance,) = made.stances
+    counted = made.time_s[made.inside > 0.0]
     assert counted[[0, -1]] == pytest.approx([stance.start_s - margin_s, stance.end_s + margin_s], abs=2e-3)
-    assert found.inside.sum() == pytest.approx(stance.duration_s + 2.0 * margin_s, abs=2.1e-3)
-    pushing = found.time_s[found.late > 0.0]
+    assert made.inside.sum() == pytest.approx(stance.duration_s + 2.0 * margin_s, abs=2.1e-3)
+    pushing = made.time_s[made.late > 0.0]
     assert pushing[[0, -1]] == pytest.approx([stance.start_s + 0.5 * stance.duration_s, counted[-1]], abs=2e-3)
 
 

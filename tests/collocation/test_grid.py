@@ -37,13 +37,6 @@ def test_equations_hold_for_the_polynomials_that_they_are_exact_for():
         assert matrix @ z.ravel() == pytest.approx(right, abs=1e-12)
 
 
-@GRIDS
-def test_as_many_equations_as_intervals_ask_for(grid):
-    per = 4 if grid.method == "hermite_simpson" else 2
-    assert grid.collocation(LAYOUT, np.zeros(2))[0].shape == (
-        grid.intervals * 2 * per + grid.instants, grid.instants * LAYOUT.size)
-
-
 def test_a_coordinate_may_advance_over_a_period():
     for method in ("trapezoidal", "hermite_simpson"):
         grid = Grid(method, 5, 2.0, periodic=True)
@@ -72,10 +65,3 @@ def test_columns_go_by_kind_and_name():
         ("q.x", "q.y"), ("v.x", "v.y"), ("a.x", "a.y"), ("w.w",), ("u.w",), ("s.s",)]
     with pytest.raises(InputError, match="twice"):
         Layout(("x", "x"))
-
-
-@pytest.mark.parametrize("given", [{"method": "euler"}, {"intervals": 3}, {"intervals": 4.5}, {"duration_s": 0.0},
-                                   {"duration_s": np.nan}])
-def test_unusable_grids_are_refused(given):
-    with pytest.raises(InputError, match=next(iter(given))):
-        Grid(**given)

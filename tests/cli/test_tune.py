@@ -1,0 +1,356 @@
+"""`vsf-drake tune` and `schedule` as a laboratory calls them: what comes out, how it ends, how mistakes are refused.
+
+Where nothing is said, the tuning itself is replaced by a made-up one (`made_tuning`): these tests are of the commands.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from contextlib import nullcontext
+from types import SimpleNamespace
+
+import pytest
+import yaml
+from browser import chromium, look
+from command_line import exit_code, read_json
+from made_tuning import BEST_MM, POSITIONS, failed_table, parabola, small_table
+from sweep_files import copied
+
+from vsf_drake.analysis.tuning import inputs, level1, level2
+from vsf_drake.analysis.tuning.schedule import load_schedule
+from vsf_drake.cli import tune
+from vsf_drake.errors import InputError
+from vsf_drake.files import resource
+
+EMBEDDED = resource("data/reference_subject")
+LABORATORY = EMBEDDED / "laboratory"
+LOW, HIGH = LABORATORY / "low_2.yaml", LABORATORY / "high_2.yaml"
+CONTACT = LABORATORY / "contact.yaml"
+WORDS = tuple(f"{name}={LABORATORY / name}_2.yaml" for name in ("low", "medium", "high"))
+BEST = {"low_2": 80.0, "medium_2": 100.0, "high_2": 120.0}
+INTERRUPTIBLE = """
+import signal  # tests that run in the background ignore SIGINT, and so would what they start
+signal.signal(signal.SIGINT, signal.default_int_handler)
+import sys
+from contextlib import contextmanager
+from vsf_drake.cli import tune
+@contextmanager
+def progress():
+    yield lambda what, share: print(what, flush=True)
+tune.progress = progress
+sys.argv = {words}
+from vsf_drake.cli import main
+main()
+"""
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """The tuning replaced: called with the trials, the options and the warm start, it gives what `made` has for the
+    first trial, or else `made["table"]`."""
+    state = {"table": small_table(), "arrays": {"sweep_mm": POSITIONS}, "calls": []}
+
+    def tuned(given, cost, options, show, warm):
+        state["calls"].append((given, cost, options, warm))
+        show("sweep, 100.0 mm, cost 2", 0.5)
+        table = state.get(given.labels[0], state["table"])
+        if isinstance(table, BaseException):
+            raise table
+        return table, state["arrays"]
+
+    monkeypatch.setattr(tune, "_motion_given", tuned)
+    monkeypatch.setattr(tune, "_motion_free", tuned)
+    return state
+
+
+def test_results_are_written_and_the_screen_says_what_was_found(run, tmp_path, made):
+    code, out, err = run("tune", LOW, HIGH, "--contact", CONTACT, "--cost", "joint_load", "--out", tmp_path / "out")
+    assert (code, err.strip()) == (0, "")
+    said = " ".join(out.split())
+    assert said.startswith("Data are SYNTHETIC, not recorded")
+    assert "the fulcrum at 104.2 mm has the least cost: 2 BW" in said and "open report.html first" in said
+    table = read_json(tmp_path / "out" / "tuning.json")
+    assert (table["trials"], table["recorded_mm"]) == (["low_2", "high_2"], [66.0, 151.0])
+    assert table["provenance"]["options"]["cost"] == "joint_load"
+    assert any("contact.yaml" in name for name in table["provenance"]["inputs_sha256"])
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_options_reach_the_analysis(run, tmp_path, made):
+    run("tune", LOW, "--contact", CONTACT, "--cost", "weighted", "--weights", "joint_load=1, push_off=0.5", "--design",
+        "alignment,heel_stiffness", "--fulcrum-range", "70", "140", "--pareto", "metabolic,push_off", "--seed", "3",
+        "--quick", "--out", tmp_path / "out")
+    cost, options = made["calls"][0][1:3]
+    assert cost == "weighted" and options.weights == {"joint_load": 1.0, "push_off": 0.5}
+    assert (options.design, options.bounds_mm) == (("alignment", "heel_stiffness"), (70.0, 140.0))
+    assert (options.pareto, options.seed, options.sweep_mm) == (("metabolic", "push_off"), 3, 5.0)
+    given = read_json(tmp_path / "out" / "tuning.json")["provenance"]["options"]
+    assert given["fulcrum_range_mm"] == [70.0, 140.0]
+
+
+def test_without_trials_the_embedded_person_is_tuned_with_the_contact_that_was_fitted(run, tmp_path, made):
+    for words in (("--quick",), (), ("--level", "2")):
+        assert run("tune", *words, "--out", tmp_path / "out")[0] == 0
+    quick, whole, free = (call[0] for call in made["calls"])
+    assert quick.labels == free.labels == ("medium_2",)
+    assert whole.labels == ("medium_1", "medium_2", "medium_3")
+    assert isinstance(made["calls"][2][2], level2.StrideOptions)
+    assert quick.synthetic and not quick.notes
+    assert all("A fitted contact was applied" in " ".join(trial.notes) for trial in quick.trials)
+
+
+def test_a_tuning_that_did_not_end_well_is_written_and_marked(run, tmp_path, made):
+    for name, table, ending, words in (
+            ("failed", failed_table(), 4, "error: NOT OPTIMAL: the iteration limit was reached"),
+            ("stopped", failed_table(status="it was interrupted during: search 1 of 3"), 130, "marked as NOT OPTIMAL"),
+            ("nothing", KeyboardInterrupt(), 130, "nothing was written")):
+        made["table"], folder = table, tmp_path / name
+        code, out, err = run("tune", LOW, "--contact", CONTACT, "--out", folder)
+        assert (code, err.count("error:")) == (ending, 1 if ending == 4 else 0)
+        assert words in err and "Traceback" not in err and "has the least cost" not in out
+        assert folder.exists() == (name != "nothing")
+        if folder.exists():
+            assert read_json(folder / "tuning.json")["optimal"] is False
+            assert 'class="alarm"' in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_an_earlier_tuning_can_be_begun_from(run, tmp_path, made):
+    assert run("tune", LOW, "--contact", CONTACT, "--out", tmp_path / "one")[0] == 0
+    for named in (".", "tuning.json", "tuning.npz"):
+        table, arrays = tune.read_warm_start(tmp_path / "one" / named)
+        assert table.fulcrum_mm == BEST_MM and set(arrays) == {"sweep_mm"}
+    assert run("tune", LOW, "--contact", CONTACT, "--warm-start", tmp_path / "one", "--out", tmp_path / "two")[0] == 0
+    assert made["calls"][1][3][0] == table
+
+
+def test_without_a_contact_offsets_are_fitted_and_that_is_said(run, tmp_path, made, monkeypatch):
+    def fit_offsets(trial, progress):
+        progress(3, 1.5)
+        return SimpleNamespace(offsets=trial.offsets, success=True, at_bound=("height_m",), message="")
+
+    monkeypatch.setattr(inputs, "fit_offsets", fit_offsets)
+    code, out, _ = run("tune", LOW, "--out", tmp_path / "out")
+    assert code == 0 and "No fitted contact was given" in out
+    notes = read_json(tmp_path / "out" / "tuning.json")["notes"]
+    assert notes[0].startswith("No fitted contact was given")
+    assert "low_2: the fit of its offsets ended on a bound (height_m)." in notes
+
+
+def test_mistakes_of_the_analysis_are_named_as_the_command_line_names_them(run, tmp_path, made):
+    made["table"] = InputError("60 to 151 mm is out of the carriage's reach", where="bounds_mm", right="Stay inside")
+    code, _, err = run("tune", LOW, "--contact", CONTACT, "--out", tmp_path / "out")
+    assert code == 2
+    assert "error: --fulcrum-range: 60 to 151 mm is out of the carriage's reach. Stay inside" in err
+
+
+def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, monkeypatch):
+    """Made-up solutions in place of real ones: what the command hands over, and what it makes of what comes back."""
+    seen, shown = {}, []
+    shape = SimpleNamespace(stage="search 1 of 3", fraction=0.5, cost=2.0, fulcrum_mm=100.0)
+    monkeypatch.setattr(tune, "progress", lambda: nullcontext(lambda what, share: shown.append(what)))
+
+    def tuning(trials, *, cost, options, labels):
+        seen.update(trials=len(trials), cost=cost, options=options, labels=labels)
+
+    def given(tuning, *, progress, warm_start):
+        progress(shape)
+        seen["warm"] = warm_start
+
+    def free(tuning, *, progress, warm_start):
+        progress("tracking, smoothing 1 of 4", 0.1, SimpleNamespace(number=7, cost=0.25))
+        progress("66 mm, cold", 0.2, None)
+        seen["warm"] = warm_start
+
+    for level, one, solve, name in ((level1, "StiffnessTuning", given, "tuning"),
+                                    (level2, "StrideTuning", free, "stride")):
+        monkeypatch.setattr(level, one, tuning)
+        monkeypatch.setattr(level, "solve", solve)
+        monkeypatch.setattr(level, f"{name}_table", lambda solution: small_table(level=2))
+        monkeypatch.setattr(level, f"{name}_arrays", lambda solution: {"tracked_p": POSITIONS})
+    common = ("tune", LOW, "--contact", CONTACT, "--cost", "metabolic", "--quick", "--design", "alignment",
+              "--fulcrum-range", "70", "140")
+    code, out, _ = run(*common, "--level", "2", "--intervals", "30", "--method", "trapezoidal", "--out",
+                       tmp_path / "free")
+    assert code == 0 and "whose gait is optimised together with the setting (level 2)" in out
+    options = seen["options"]
+    assert (seen["trials"], seen["cost"], seen["labels"], seen["warm"]) == (1, "metabolic", ("low_2",), None)
+    assert (options.intervals, options.method, options.design) == (30, "trapezoidal", ("alignment_rad",))
+    assert (options.bounds_mm, options.starts, options.confirm) == ((70.0, 140.0), 1, ())
+    assert shown[:2] == ["tracking, smoothing 1 of 4, iteration 7, cost 0.25", "66 mm, cold"]
+    again = ("--warm-start", tmp_path / "free", "--out", tmp_path / "again")
+    assert run(*common, "--level", "2", *again)[0] == 0
+    assert seen["warm"]["tracked_p"].tolist() == POSITIONS.tolist()
+    assert run(*common, *again)[0] == 0
+    assert seen["warm"] == {"fulcrum": BEST_MM} and "search 1 of 3, 100.0 mm, cost 2" in shown
+
+
+MISTAKES = [
+    (("--cost", "joint_laod"), "--cost: there is no 'joint_laod'. Did you mean joint_load?"),
+    (("--weights", "joint_load=1"), "--weights: cannot go with --cost joint_load"),
+    (("--cost", "weighted", "--weights", "joint_load"), "--weights: 'joint_load' is no weight. Write COST=NUMBER"),
+    (("--cost", "weighted", "--weights", "joint_load=a"), "--weights joint_load: 'a' is no number"),
+    (("--cost", "weighted", "--weights", "joint_load=nan"), "--weights joint_load: nan is not a finite number"),
+    (("--cost", "weighted", "--weights", "push_off=1,push_off=2"), "push_off has two weights"),
+    (("--design", "keel"), "--design: there is no 'keel'"), (("--design", ","), "--design: names nothing"),
+    (("--fulcrum-range", "151", "66"), "--fulcrum-range: its lower bound 151 is not below"),
+    (("--fulcrum-range", "20", "90"), "out of the carriage's reach"),
+    (("--intervals", "20"), "--intervals: is an option of level 2, where the motion is free. Leave it out"),
+    (("--level", "2", "--method", "euler"), "--method: 'euler' is not known"),
+    (("--level", "2", "--joints", "knee_angle"),
+     "--joints: is an option of level 1; level 2 has all joints of the sagittal plane. Leave it out"),
+    (("--pareto", "joint_load"), "--pareto: names 1 cost. Give two"),
+    (("--contact", "none.yaml"), "none.yaml: there is no such file"), (("none.yaml",), "none.yaml: there is no such"),
+    (("--warm-start", "none"), "none: --warm-start: there is no such file"),
+    (("--warm-start", EMBEDDED / "subject.yaml"), "--warm-start: is no tuning"),
+    (("--warm-start", EMBEDDED), "tuning.json: there is no such file"),
+    ((LABORATORY / ".." / "laboratory" / LOW.name,), "is named twice")]
+NO_SCHEDULE = [
+    ((WORDS[0],), "1 task make no schedule"), ((*WORDS, "--cost", "joint"), "--cost: there is no 'joint'"),
+    ((*WORDS, "--resolution-mm", "0"), "--resolution-mm: 0 mm is no resolution"),
+    ((*WORDS, "--resolution-mm", "90"), "at most the reach, 85 mm"),
+    ((*WORDS, "--fulcrum-range", "20", "90"), "--fulcrum-range: 20 to 90 mm is out of the carriage's reach"),
+    ((*WORDS, "--cost", "weighted", "--weights", "a=1"), "--weights: there is no 'a'")]
+
+
+def test_a_mistake_ends_with_one_message_code_2_and_nothing_written(run, tmp_path):
+    heavy = tmp_path / "heavy"
+    heavy.mkdir()
+    person = yaml.safe_load((EMBEDDED / "subject.yaml").read_text(encoding="utf-8")) | {"mass_kg": 90.0}
+    (heavy / "subject.yaml").write_text(yaml.safe_dump(person), encoding="utf-8")
+    others = [((copied(HIGH, heavy, subject="subject.yaml"),), "is of another subject")]
+    for command, mistakes in (("tune", MISTAKES + others), ("schedule", NO_SCHEDULE)):
+        for words, message in mistakes:
+            fitted = () if "--contact" in words else ("--contact", CONTACT)
+            code, _, err = run(command, *(() if command == "schedule" else (LOW,)), *fitted, "--quick", *words, "--out",
+                               tmp_path / "out")
+            assert (code, message in err, err.count("error:")) == (2, True, 1), err
+            assert "Traceback" not in err and not (tmp_path / "out").exists()
+    (tmp_path / "thesis.txt").write_text("mine")
+    code, _, err = run("tune", LOW, "--contact", CONTACT, "--out", tmp_path)
+    assert code == 2 and "other things than an earlier tuning" in err
+
+
+# Schedules.
+
+
+@pytest.fixture
+def tasks(made):
+    """Every task's tuning is a parabola about BEST of its trial."""
+    made.update({name: parabola(best) for name, best in BEST.items()})
+    return made
+
+
+def test_one_setting_a_task_is_stored_and_the_screen_says_what_that_buys(run, tmp_path, tasks):
+    code, out, err = run("schedule", *WORDS, "--contact", CONTACT, "--resolution-mm", "1", "--out", tmp_path / "out")
+    assert (code, err.strip()) == (0, "")
+    said = " ".join(out.split())
+    assert "To store: 80.0 mm for low, 100.0 mm for medium, 120.0 mm for high." in said
+    assert "One setting for all (100.0 mm) costs" in said and "policy.json is for the controller" in said
+    table = read_json(tmp_path / "out" / "policy.json")
+    assert table["common_fulcrum_mm"] == pytest.approx(100.0)
+    assert table["reach_mm"] == pytest.approx([66.0, 151.0]) and table["resolution_mm"] == 1.0
+    assert [row["trials"] for row in table["tasks"]] == [["low_2"], ["medium_2"], ["high_2"]]
+    assert table["synthetic"] is True and table["lookup"].startswith("Between tasks the setting is linear")
+    assert table["provenance"]["options"]["resolution_mm"] == 1.0
+
+
+def test_a_task_file_s_speeds_are_looked_up_between_and_trials_of_one_task_are_tuned_together(run, tmp_path, tasks):
+    lines = [f"- {{label: {name}, trials: [{LABORATORY / name}_2.yaml], speed_m_per_s: {speed}}}\n"
+             for name, speed in (("low", 0.8), ("medium", 1.2))]
+    lines.append(f"- {{label: high, trials: [{HIGH}, {LABORATORY / 'high_1.yaml'}], speed_m_per_s: 1.6}}\n")
+    (tmp_path / "tasks.yaml").write_text("tasks:\n" + "".join(lines), encoding="utf-8")
+    assert run("schedule", tmp_path / "tasks.yaml", "--contact", CONTACT, "--out", tmp_path / "out")[0] == 0
+    assert load_schedule(tmp_path / "out" / "policy.json").lookup(speed=1.0) == pytest.approx(90.0)
+    assert tasks["calls"][2][0].labels == ("high_2", "high_1")
+
+
+def test_a_task_that_failed_or_was_interrupted_makes_a_table_that_is_not_to_be_stored(run, tmp_path, tasks):
+    stopped = failed_table(status="it was interrupted during: sweep")
+    for i, (table, ending, words, optimal) in enumerate((
+            (failed_table(), 4, "NOT OPTIMAL: medium: the iteration limit was reached", [True, False, True]),
+            (stopped, 130, "marked as NOT OPTIMAL", [True, False, False]),
+            (KeyboardInterrupt(), 130, "marked as NOT OPTIMAL", [True, False, False]))):
+        tasks["medium_2"], folder = table, tmp_path / str(i)
+        code, out, err = run("schedule", *WORDS, "--contact", CONTACT, "--out", folder)
+        assert code == ending and words in err and "To store" not in out
+        policy = read_json(folder / "policy.json")
+        assert (policy["optimal"], policy["common_fulcrum_mm"]) == (False, None)
+        assert [row["optimal"] for row in policy["tasks"]] == optimal
+        if ending == 130:
+            assert policy["tasks"][2]["status"] == "it was not reached: interrupted"
+            assert policy["tasks"][2]["trials"] == ["high_2"]
+    assert len(tasks["calls"]) == 3 + 2 + 2
+    tasks["low_2"] = KeyboardInterrupt()
+    code, _, err = run("schedule", *WORDS, "--contact", CONTACT, "--out", tmp_path / "none")
+    assert code == 130 and "nothing was written" in err and not (tmp_path / "none").exists()
+
+
+# Nothing replaced.
+
+
+@pytest.mark.slow
+def test_two_settings_of_the_embedded_person_make_a_schedule(run, tmp_path):
+    """The motions of the softest and the stiffest setting stand for two tasks."""
+    code, _, err = run("schedule", WORDS[0], WORDS[2], "--contact", CONTACT, "--cost", "tracking", "--quick",
+                       "--resolution-mm", "1", "--out", tmp_path / "out")
+    assert code == 0, err
+    table = read_json(tmp_path / "out" / "policy.json")
+    low, high = table["tasks"]
+    assert low["fulcrum_mm"] <= table["common_fulcrum_mm"] <= high["fulcrum_mm"]
+    assert all(row["cost"] <= row["cost_common"] + 1e-12 for row in table["tasks"])
+    assert low["fulcrum_mm"] == pytest.approx(66.0, abs=10.0), "where it stood: the force is best told there"
+    assert high["fulcrum_mm"] == pytest.approx(151.0, abs=10.0)
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    """Folder of `vsf-drake tune --quick` on the embedded data."""
+    out = tmp_path_factory.mktemp("tuned") / "out"
+    assert exit_code("tune", "--quick", "--cost", "joint_load", "--out", out) == 0
+    return out
+
+
+@pytest.mark.slow
+def test_the_embedded_person_is_tuned_and_the_optimum_is_the_lowest_of_the_sweep(run, tuned):
+    table = read_json(tuned / "tuning.json")
+    assert table["optimal"] is True and table["synthetic"] is True and table["level"] == 1
+    least = min(table["sweep"], key=lambda row: row["cost"])
+    assert abs(table["fulcrum_mm"] - least["fulcrum_mm"]) <= 5.0, "the spacing of the quick sweep"
+    assert table["cost"] <= least["cost"] * (1.0 + 1e-6)
+    before = {path: path.read_bytes() for path in tuned.rglob("*") if path.is_file()}
+    assert run("report", tuned)[0] == 0
+    assert {path: path.read_bytes() for path in tuned.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+def test_page_of_the_embedded_person_reads_on_a_desk_and_on_a_telephone(tuned, tmp_path):
+    for width in (1280, 390):
+        (tmp_path / str(width)).mkdir()
+        seen = look(tuned / "report.html", tmp_path / str(width), width=width)
+        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == ([], [], [], 0, 0)
+        assert seen.scroll <= width and seen.images >= 4
+
+
+@pytest.mark.slow
+def test_ctrl_c_in_the_middle_leaves_a_result_that_is_marked(tmp_path):
+    """The whole program in a process of its own, interrupted when its searches have begun."""
+    out = tmp_path / "out"
+    words = ["vsf-drake", "tune", *map(str, (LOW, "--contact", CONTACT, "--out", out))]
+    process = subprocess.Popen([sys.executable, "-c", INTERRUPTIBLE.format(words=words)], stderr=subprocess.PIPE,
+                               stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        while "search" not in (line := process.stdout.readline()):
+            assert line, process.communicate()[1]
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=120.0)
+    finally:
+        process.kill()
+    assert process.returncode == 130, error
+    assert "Traceback" not in error
+    table = read_json(out / "tuning.json")
+    assert table["optimal"] is False and "interrupted" in table["status"]
+    assert "NOT OPTIMAL" in (out / "report.html").read_text(encoding="utf-8")

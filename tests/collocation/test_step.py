@@ -1,0 +1,243 @@
+"""Derivatives against finite differences, the KKT system against the sparse whole, the Hessian of the Lagrangian."""
+
+import numpy as np
+import pytest
+from collocation_problems import Outputs, chain, pendulum
+from scipy.linalg import null_space
+
+from vsf_drake.collocation import (
+    CollocationOptions,
+    Convex,
+    Design,
+    Grid,
+    Layout,
+    Limits,
+    Residuals,
+    Start,
+    TrajectoryProblem,
+    confirm,
+    solve,
+)
+from vsf_drake.collocation.scaled import Scaled
+from vsf_drake.collocation.sqp import stiffened, with_curvature
+from vsf_drake.collocation.step import SOFT, Kkt, box_minimum, find_step, normals, room_changes
+
+
+def square(y):
+    return np.cosh(y), np.sinh(y), np.cosh(y)
+
+
+def line(y):
+    return -0.3 * y, np.full_like(y, -0.3), np.zeros_like(y)
+
+
+def anything(seed, *, method="hermite_simpson", intervals=9, periodic=True, fixed=False):
+    """A random smooth problem with every kind of term, scale and equation."""
+    draw = np.random.default_rng(seed)
+    layout, grid = Layout(("a", "b"), ("c",), ("d",)), Grid(method, intervals, 1.3, periodic)
+    by, mixed, share = draw.standard_normal((6, 9)), draw.standard_normal((6, 9)), draw.standard_normal((6, 2))
+
+    def function(z, p):
+        inner = z @ mixed.T + p @ share.T
+        y = np.sin(inner) + z @ by.T
+        return y, np.cos(inner)[:, :, None] * mixed + by, np.cos(inner)[:, :, None] * share
+
+    count = grid.instants
+    low, high = np.full((count, 9), -np.inf), np.full((count, 9), np.inf)
+    if fixed:
+        low[0, :2] = high[0, :2] = 0.3
+    return TrajectoryProblem(
+        Outputs(function), layout, grid, outputs=6, equations=[0], limits=[Limits(outputs=[3, 4], low=-1.0, high=2.0)],
+        residuals=[Residuals(outputs=[1, 2], target=draw.standard_normal((count, 2)), weight=[1.0, 3.0]),
+                   Residuals(outputs=[2], weight=draw.uniform(0.0, 1.0, (count, 1)))],
+        convex=[Convex(output=3, function=square, weight=0.2), Convex(output=5, function=line)],
+        design=Design(names=("m", "n"), low=-3.0, high=3.0), low=low, high=high,
+        advance=[0.5, 0.0] if periodic else None,
+        z_scale=draw.uniform(0.5, 2.0, 9), y_scale=draw.uniform(0.5, 2.0, 6), cost_scale=3.0)
+
+
+CASES = pytest.mark.parametrize("case", [
+    {}, {"method": "trapezoidal", "intervals": 4}, {"periodic": False, "fixed": True},
+    {"method": "trapezoidal", "periodic": False, "fixed": True}], ids=str)
+
+
+@CASES
+def test_first_derivatives_equal_central_differences(case):
+    scaled = Scaled(anything(0, **case))
+    draw = np.random.default_rng(10)
+    x = scaled.scaled(draw.standard_normal(scaled.shape), draw.standard_normal(2))
+    at, way, h = scaled.linearised(x), draw.standard_normal(len(x)), 1e-5
+    plus, minus = scaled.point(x + h * way), scaled.point(x - h * way)
+    z, p = way[:scaled.count].reshape(scaled.shape), way[scaled.count:]
+    assert at.gradient @ way == pytest.approx((plus.cost - minus.cost) / (2 * h), rel=1e-6)
+    along = np.einsum("nez,nz->ne", at.by_z, z) + at.by_p @ p
+    assert along[:, :1] == pytest.approx((plus.equations - minus.equations) / (2 * h), abs=1e-6)
+    assert along[:, 1:] == pytest.approx((plus.limited - minus.limited) / (2 * h), abs=1e-6)
+    assert scaled.matrix @ way[:scaled.count] == pytest.approx((plus.linear - minus.linear) / (2 * h), abs=1e-8)
+    assert at.terms == pytest.approx({name: each.sum() for name, each in scaled.instant_terms(at.y).items()})
+
+
+@CASES
+def test_rooms_change_as_their_normals_say(case):
+    scaled = Scaled(anything(3, **case))
+    draw = np.random.default_rng(4)
+    at = scaled.linearised(scaled.scaled(draw.standard_normal(scaled.shape), draw.standard_normal(2)))
+    which = np.flatnonzero(np.isfinite(scaled.slacks(at)))
+    way = draw.standard_normal(len(at.x)) * ~scaled.fixed
+    assert normals(scaled, at, which).T @ way == pytest.approx(room_changes(scaled, at, way)[which])
+
+
+@CASES
+def test_the_gauss_newton_hessian_is_that_of_the_linearised_outputs(case):
+    """Where the outputs are linear the model is exact: second differences of the cost along a line equal it."""
+    problem = anything(5, **case)
+    rows = np.random.default_rng(6).standard_normal((6, 9))
+    share = np.random.default_rng(7).standard_normal((6, 2))
+    problem.function = Outputs(lambda z, p: (z @ rows.T + share @ p, np.tile(rows, (len(z), 1, 1)),
+                                             np.tile(share, (len(z), 1, 1))))
+    problem.terms = tuple(part for part in problem.terms if isinstance(part, Residuals))
+    scaled = Scaled(problem)
+    scaled.fixed[:] = False
+    draw, n = np.random.default_rng(8), problem.size
+    x, way = draw.standard_normal(n), draw.standard_normal(n)
+    curve = way @ (Kkt(scaled, scaled.linearised(x), np.zeros(n)).matrix[:n, :n] @ way)
+    exact = scaled.point(x + way).cost - 2.0 * scaled.point(x).cost + scaled.point(x - way).cost
+    assert curve == pytest.approx(exact, rel=1e-8)
+
+
+@CASES
+def test_elimination_along_the_chain_solves_the_whole_system(case):
+    scaled = Scaled(anything(9, **case))
+    draw = np.random.default_rng(10)
+    at = scaled.linearised(scaled.scaled(draw.standard_normal(scaled.shape), draw.standard_normal(2)))
+    kkt = Kkt(scaled, at, np.full(len(at.x), 0.1))
+    whole = kkt.matrix.toarray()
+    assert whole == pytest.approx(whole.T)
+    assert sorted(kkt.order) == list(range(kkt.size))
+    right = draw.standard_normal(kkt.size)
+    assert kkt.matrix @ kkt.solve(right) == pytest.approx(right, abs=1e-8)
+    soft = whole - np.diag(np.where(np.arange(kkt.size) < kkt.variables, 0.0, SOFT))
+    assert kkt.roughly(right) == pytest.approx(np.linalg.solve(soft, right), rel=1e-6, abs=1e-6)
+    assert kkt.convex
+    assert (np.linalg.eigvalsh(whole) < 0.0).sum() == kkt.size - kkt.variables
+
+
+@pytest.mark.parametrize("damping", [1e-9, 1e-3, 1e3])
+def test_the_large_problem_is_solved_to_rounding_with_hardly_any_damping(damping):
+    problem, start = chain(intervals=8)
+    scaled = Scaled(problem)
+    at = scaled.linearised(scaled.scaled(start.z, start.p))
+    kkt = Kkt(scaled, at, np.full(len(at.x), damping))
+    right = np.random.default_rng(0).standard_normal(kkt.size)
+    unknowns = kkt.solve(right)
+    assert kkt.matrix @ unknowns == pytest.approx(right, abs=1e-13 * np.abs(unknowns).max() + 1e-8)
+
+
+@pytest.mark.parametrize("rank", [6, 4])
+def test_a_quadratic_within_a_box_is_least_where_its_slope_pushes_against_the_bounds(rank):
+    """Also where the matrix is singular."""
+    draw = np.random.default_rng(rank)
+    for _ in range(20):
+        root, linear = draw.standard_normal((rank, 6)), draw.standard_normal(6)
+        matrix = root.T @ root
+        x = box_minimum(matrix, matrix @ linear, 0.8, np.zeros(6))
+        slope = matrix @ (x + linear)
+        assert (x >= 0.0).all() and (x <= 0.8 + 1e-12).all()
+        assert slope[(x > 1e-9) & (x < 0.8 - 1e-9)] == pytest.approx(0.0, abs=1e-8)
+        assert (slope[x <= 1e-9] > -1e-8).all() and (slope[x >= 0.8 - 1e-9] < 1e-8).all()
+
+
+# Costs that Gauss-Newton knows nothing of.
+
+
+def swing(intervals=12):
+    """A pendulum's effort and its distance from a motion as a sum without squares: none for Gauss-Newton to see."""
+    grid = Grid("hermite_simpson", intervals, 1.0, periodic=True)
+    aim = np.cos(2.0 * np.pi * grid.times_s)
+
+    def outputs(z, p):
+        q, v, a, torque = z.T
+        by_z, by_p = np.zeros((len(z), 2, 4)), np.zeros((len(z), 2, 1))
+        by_z[:, 0] = np.stack([9.81 * np.cos(q) + p[0], 0.3 + 0 * q, 1 + 0 * q, -1 + 0 * q], axis=1)
+        by_z[:, 1, 0], by_z[:, 1, 3], by_p[:, 0, 0] = 300.0 * np.sin(q - aim), torque, q
+        return np.stack([a + 9.81 * np.sin(q) + 0.3 * v + p[0] * q - torque,
+                         0.5 * torque**2 + 300.0 * (1.0 - np.cos(q - aim))], axis=1), by_z, by_p
+
+    problem = TrajectoryProblem(
+        Outputs(outputs), Layout(("q",), (), ("torque",)), grid, outputs=2, equations=[0],
+        convex=[Convex(output=1, function=lambda y: (y, np.ones_like(y), np.zeros_like(y)))],
+        z_scale=[1.0, 5.0, 40.0, 20.0], y_scale=[20.0, 1.0], cost_scale=10.0,
+        design=Design(names=["stiffness"], low=0.0, high=100.0))
+    z = np.zeros((grid.instants, 4))
+    z[:, 0] = 0.5 * aim
+    return problem, Start(z, np.array([5.0]))
+
+
+def step_of(scaled, kkt):
+    return find_step(kkt, equations=kkt.at.equations, room=scaled.slacks(kkt.at), likely=np.zeros(0, dtype=int))
+
+
+def test_a_cost_without_squares_is_minimised_all_the_same():
+    problem, start = swing()
+    solution = solve(problem, start)
+    assert solution.status == "optimal", solution.message
+    theirs = confirm(problem, solution.last, "snopt")
+    assert theirs.cost == pytest.approx(solution.cost, rel=1e-6)
+    assert theirs.p == pytest.approx(solution.p, rel=1e-3)
+
+
+def test_the_curvature_ends_a_search_quadratically():
+    problem, start = swing()
+    solution = solve(problem, start, CollocationOptions(optimality=1e-9, violation=1e-10))
+    last = [line.optimality for line in solution.history[-4:]]
+    assert all(line.exact for line in solution.history[-3:])
+    assert last[-1] < 0.1 * last[-2] < 0.01 * last[-3]
+
+
+@pytest.mark.parametrize("make", [swing, lambda: pendulum(intervals=6)[:2], lambda: chain(intervals=4)])
+def test_its_hessian_is_the_second_difference_of_the_lagrangian(make):
+    problem, start = make()
+    scaled, draw = Scaled(problem), np.random.default_rng(0)
+    x = scaled.scaled(start.z + 0.1 * problem.z_scale * draw.standard_normal(start.z.shape), start.p + 0.1)
+    at = scaled.linearised(x)
+    step = step_of(scaled, Kkt(scaled, at, np.ones(len(x))))
+    own, mixed, shared = with_curvature(scaled, at, step).hessian
+    pressure = np.zeros(4 * len(x) + 2 * at.limited.size)
+    pressure[step.pressed] = step.pressure
+    low, high = pressure[2 * len(x):][:2 * at.limited.size].reshape(2, *at.limited.shape)
+    of_equations = step.multipliers[len(at.linear):].reshape(at.equations.shape)
+
+    def lagrangian(where):
+        here = scaled.point(where)
+        return here.cost + np.sum(of_equations * here.equations) + np.sum((high - low) * here.limited)
+
+    way, h = draw.standard_normal(len(x)), 1e-4
+    z, p = way[:scaled.count].reshape(scaled.shape), way[scaled.count:]
+    curve = np.einsum("nz,nzy,ny->", z, own, z) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p) + p @ shared @ p
+    exact = (lagrangian(x + h * way) - 2.0 * lagrangian(x) + lagrangian(x - h * way)) / h**2
+    assert curve == pytest.approx(exact, rel=1e-4, abs=1e-6)
+
+
+def test_an_indefinite_hessian_is_recognised_by_its_inertia():
+    """At the top of a cosine the Lagrangian is concave; with enough damping it is not."""
+    problem, start = swing()
+    scaled = Scaled(problem)
+    at = scaled.linearised(scaled.scaled(start.z + np.array([np.pi, 0.0, 0.0, 0.0]), start.p))
+    exact = with_curvature(scaled, at, step_of(scaled, Kkt(scaled, at, np.ones(len(at.x)))))
+    for damping, convex in ((1e-6, False), (1e4, True)):
+        kkt = Kkt(scaled, exact, np.full(len(at.x), damping))
+        whole, n = kkt.matrix.toarray(), kkt.variables
+        free = null_space(whole[n:, :n])
+        assert kkt.convex == convex == (np.linalg.eigvalsh(free.T @ whole[:n, :n] @ free).min() > 0.0), damping
+
+
+def test_stiffening_what_presses_leaves_the_step_as_it_is():
+    problem, start = chain(intervals=4)
+    scaled = Scaled(problem)
+    at = scaled.linearised(scaled.scaled(start.z, start.p))
+    damping = np.full(len(at.x), 1e-2)
+    plain = step_of(scaled, Kkt(scaled, at, damping))
+    assert len(plain.pressed) > 0
+    again = step_of(scaled, Kkt(scaled, stiffened(scaled, at, plain), damping))
+    assert again.change == pytest.approx(plain.change, abs=1e-6)
+    assert sorted(again.pressed) == sorted(plain.pressed)

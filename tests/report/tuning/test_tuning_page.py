@@ -1,0 +1,339 @@
+"""What a tuning and a schedule leave on disk and say: numbers against those of made-up parabolas."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import shutil
+
+import numpy as np
+import pytest
+from browser import chromium, look
+from command_line import read_json
+from made_tuning import (
+    BEST,
+    BEST_MM,
+    SPEEDS,
+    cost_of,
+    failed_table,
+    made_arrays,
+    made_schedule,
+    made_stride_arrays,
+    made_stride_table,
+    made_table,
+    small_table,
+)
+from page_reader import Balanced
+
+from vsf_drake.analysis.tuning.schedule import load_schedule
+from vsf_drake.analysis.tuning.table import SweepPoint, Term, tuning_of
+from vsf_drake.errors import InputError
+from vsf_drake.files import plain
+from vsf_drake.report.page import chapter_page
+from vsf_drake.report.tuning.chapters import (
+    SCHEDULE,
+    TUNING,
+    answer,
+    first_line,
+    schedule_words,
+    tasks_words,
+    tuning_page,
+    write_schedule,
+    write_tuning,
+)
+from vsf_drake.report.tuning.figures import (
+    cost_curve_figure,
+    outcomes_figure,
+    policy_figure,
+    schedule_curves_figure,
+)
+from vsf_drake.report.tuning.reading import excess, root_mean_squares, telling
+
+HARDLY = "THE SETTING HARDLY MATTERS"
+MADE = {"level_1": (made_table, made_arrays), "level_2": (made_stride_table, made_stride_arrays),
+        "failed": (failed_table, dict)}
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A folder of each kind of tuning, and one of a schedule."""
+    home = tmp_path_factory.mktemp("tunings")
+    for kind, (table, arrays) in MADE.items():
+        write_tuning(home / kind, table(), arrays())
+    write_schedule(home / "schedule", made_schedule())
+    return home
+
+
+def files(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def body(folder):
+    return (folder / "report.html").read_text(encoding="utf-8").partition("<body>")[2].lstrip()
+
+
+def rows(path):
+    with path.open(encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_everything_is_written_and_read_back_in_every_digit(folders):
+    assert {"figures/cost.png", "figures/cost.svg", "figures/outcomes.png", "figures/force.svg", "figures/tasks.png",
+            "figures/pareto.png", "figures/robustness.png", "tables/sweep.csv", "tables/outcomes.csv",
+            "tables/checks.csv", "tables/confirmed_by.csv"} <= set(files(folders / "level_1"))
+    stride = set(files(folders / "level_2"))
+    assert {"figures/motion.png", "figures/torque.png", "figures/stride_force.png"} <= stride
+    assert "figures/force.png" not in stride, "of a stride, both feet are shown"
+    for kind, (table, arrays) in MADE.items():
+        saved, read = TUNING.read(folders / kind)
+        assert tuning_of(saved) == table()
+        assert list(plain(table())) == [key for key in saved if key != "arrays_sha256"]
+        assert {name: values.tolist() for name, values in read.items()} == {
+            name: values.tolist() for name, values in arrays().items()}
+    sweep = rows(folders / "level_1" / "tables" / "sweep.csv")
+    assert [(float(row["cost"]), float(row["term_knee"])) for row in sweep] == [
+        (point.cost, point.terms["knee"]) for point in made_table().sweep]
+
+
+def test_the_report_made_again_is_the_same_to_the_byte_and_its_tags_close(run, folders, tmp_path):
+    for kind in (*MADE, "schedule"):
+        reader = Balanced()
+        reader.feed((folders / kind / "report.html").read_text(encoding="utf-8").partition("\n")[2])
+        assert reader.open == []
+        if kind != "level_2":
+            shutil.copytree(folders / kind, tmp_path / kind)
+            for path in [*(tmp_path / kind).glob("*.html"), *(tmp_path / kind).glob("[ft]*/*")]:
+                path.unlink()
+            assert run("report", tmp_path / kind)[::2] == (0, "")
+            assert files(tmp_path / kind) == files(folders / kind)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+@pytest.mark.parametrize("kind", [*MADE, "schedule"])
+def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path, kind):
+    for width in (1280, 390):
+        (tmp_path / str(width)).mkdir()
+        seen = look(folders / kind / "report.html", tmp_path / str(width), width=width)
+        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == ([], [], [], 0, 0)
+        assert seen.scroll <= width
+        assert seen.images == {"level_1": 6, "level_2": 7, "failed": 0, "schedule": 3}[kind]
+
+
+def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(folders, tmp_path):
+    page = body(folders / "failed")
+    assert page.startswith('<p class="alarm" role="alert">NOT OPTIMAL: the iteration limit was reached.')
+    assert "<h1>NOT OPTIMAL: stiffness tuned: load of the intact knee</h1>" in page and "has the least" not in page
+    assert "alarm" not in body(folders / "level_1")
+    for table in (failed_table(), failed_table(fulcrum_mm=None, cost=None), made_table(optimal=False)):
+        words = " ".join(answer(table))
+        assert "least" not in words and "less than" not in words
+    page, _ = chapter_page(**tuning_page(plain(made_table(optimal=False)), made_arrays(), lenient=False))
+    assert "NOT OPTIMAL: the last iterate is at 104.2 mm" in page, "the alternative text of the figure"
+    assert "The optimum is at" not in page and ">optimum</th>" not in page
+    figure = cost_curve_figure(made_table(optimal=False), {})
+    labels = [str(line.get_label()) for line in figure.axes[0].get_lines()]
+    assert "last iterate, NOT OPTIMAL" in labels and not any(name.startswith("optimum") for name in labels)
+    write_schedule(tmp_path / "out", made_schedule(optimal=False, described=False))
+    page = body(tmp_path / "out")
+    assert page.startswith('<p class="alarm" role="alert">NOT OPTIMAL: speed 1.2: the iteration limit was reached.')
+    assert "do not store it" in page and "To store:" not in page
+    assert not (tmp_path / "out" / "figures" / "policy.png").exists(), "nothing tells its tasks apart"
+
+
+def test_another_tuning_in_the_same_folder_leaves_nothing_of_the_first(tmp_path):
+    out = tmp_path / "out"
+    write_tuning(out, small_table(), {})
+    (out / "figures" / "notes.txt").write_text("mine", encoding="utf-8")
+    write_tuning(out, failed_table(wall_s=float("nan")), {})
+    assert {path.name for path in (out / "figures").iterdir()} == {"notes.txt"}
+    assert not (out / "tables" / "sweep.csv").exists()
+    assert read_json(out / "tuning.json")["wall_s"] is None
+
+
+def test_a_table_that_cannot_be_is_refused():
+    for change in ({"level": 3}, {"format": "vsf_drake tuning 0"}, {"fulcrum_mm": None}):
+        with pytest.raises(ValueError, match=r"level|format|optimum"):
+            made_table(**change)
+
+
+def test_damaged_results_are_refused_with_file_and_reason_or_shown_as_far_as_they_go(tmp_path):
+    out = tmp_path / "out"
+    write_tuning(out, small_table(), {})
+    table, path = read_json(out / "tuning.json"), out / "tuning.json"
+    path.write_text(json.dumps(table | {"checks": [{"label": "fine sweep"}]}), encoding="utf-8")
+    assert any(sentence.startswith("Checks") for sentence in TUNING.remake(out))
+    assert "This version cannot show what the results hold of it (ValueError: checks[0].name is missing" in body(out)
+    assert "has the least" in body(out)
+    for name, text, words in (
+            ("tuning.json", "{", "cannot be read as JSON"), ("tuning.json", '{"format": "fit"}', "not the table of"),
+            ("tuning.json", '{"format": "vsf_drake tuning 1"}', "level is missing"),
+            ("tuning.json", json.dumps(table), ""), ("tuning.npz", "other", "SHA-256")):
+        (out / name).write_text(text, encoding="utf-8")
+        if words:
+            with pytest.raises(InputError, match=words) as raised:
+                TUNING.remake(out)
+            assert name in str(raised.value)
+    path.unlink()
+    with pytest.raises(InputError, match="vsf-drake tune --out"):
+        TUNING.remake(out)
+    (tmp_path / "policy.json").write_text('{"format": "vsf_drake schedule 1", "tasks": 3}')
+    with pytest.raises(InputError, match="cannot be used"):
+        SCHEDULE.remake(tmp_path)
+
+
+@pytest.mark.parametrize("kind", [TUNING, SCHEDULE], ids=lambda kind: kind.kind)
+def test_a_folder_of_something_else_is_not_written_to(tmp_path, kind):
+    kind.check(tmp_path / "new")
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(InputError, match=f"other things than an earlier {kind.kind}"):
+        kind.check(tmp_path)
+    with pytest.raises(InputError, match="is a file"):
+        kind.check(tmp_path / "thesis.txt")
+
+
+# What is said of a tuning.
+
+
+def matters(value, start=0):
+    """The outcomes of the made-up table, all of which matter or not."""
+    return tuple(dataclasses.replace(row, matters=value) for row in made_table().outcomes[start:])
+
+
+def said(**changes):
+    return " ".join(answer(made_table(**changes)))
+
+
+def test_setting_interval_and_savings_are_those_of_the_parabola():
+    """2e-4 (66 - 104.2)² = 0.292 on 2: 12.7 % less than at the softest; 18.0 % less than at the stiffest."""
+    soft, stiff = (100.0 * (1.0 - 2.0 / cost_of(mm)) for mm in (66.0, 151.0))
+    words = said()
+    assert words.startswith("Of all settings between 66 and 151 mm, the fulcrum at 104.2 mm has the least cost: 2 BW "
+                            "(load of the intact knee). Its interval is 98 to 111 mm: cost within its uncertainty.")
+    assert f"{soft:.1f} % less than at the softest setting (66 mm, also recorded)" in words
+    assert f"{stiff:.1f} % less than at the stiffest (151 mm, also recorded)" in words
+    assert "another recorded one (108 mm)" in words
+    assert "% MORE than at the recorded setting (108 mm)" in said(recorded_mm=(108.0,), cost=2.5)
+    below = said(sweep=tuple(dataclasses.replace(row, cost=row.cost - 5.0) for row in made_table().sweep), cost=-3.0,
+                 recorded_mm=())
+    assert "0.2918 BW less than at the softest" in below and "%" not in below.partition("Over the whole")[0]
+    end = said(fulcrum_mm=66.0, cost=float(cost_of(66.0)), at_bound=("fulcrum",))
+    assert "It is the softest setting itself." in end and "On a bound of its range: fulcrum." in end
+
+
+def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
+    """The whole parabola is such a term but for 1e-3 (mm - 66) BW: without it the softest setting is the best."""
+    sweep = tuple(SweepPoint(row.fulcrum_mm, row.cost, {
+        "knee": 1.0 + 1e-3 * (row.fulcrum_mm - 66.0),
+        "consistency": row.cost - 1.0 - 1e-3 * (row.fulcrum_mm - 66.0)}) for row in made_table().sweep)
+    terms = (Term("knee", "intact knee", 1.0382, 0.5), Term("consistency", "change of the force", 2.0 - 1.0382, 0.5))
+    words = said(sweep=sweep, terms=terms, recorded_mm=())
+    assert "12.7 % less than at the softest setting" in words
+    assert ('Without "change of the force", the part of the cost that only holds to the recording, it is 3.8 % MORE '
+            "than at the softest setting (66 mm) and 4.3 % less than at the stiffest (151 mm).") in words
+    assert "Without" not in said()
+
+
+def test_a_setting_that_hardly_matters_is_called_so_before_anything_else():
+    first = answer(made_table(outcomes=matters(False)))[0]
+    assert first.startswith(HARDLY) and "± 0.05 BW" in first and HARDLY not in said()
+    cost, push_off, peak = made_table().outcomes
+    assert "changes by 0.4374 BW, more than its uncertainty (± 0.05 BW)." in said(
+        outcomes=(dataclasses.replace(cost, sentence=""),))
+    assert f"{HARDLY}: none of the outcomes" in said(outcomes=matters(False, 1))
+    assert HARDLY not in said(outcomes=(push_off, peak))
+    assert "not known" in said(outcomes=()), "nothing was compared with an uncertainty"
+    assert HARDLY not in said(outcomes=matters(None)), "not known is not no"
+    assert "Other outcomes that change by more than their uncertainty: push-off work." in said()
+    assert "Outcomes that change by no more than their uncertainty: first peak of the force." in said()
+    assert "All other outcomes change by more" in said(outcomes=matters(True))
+
+
+def test_first_line_says_what_is_synthetic_and_what_the_model_leaves_out():
+    assert first_line(made_table()).startswith("Data are SYNTHETIC, not recorded: low_2, medium_2 and high_2.")
+    assert "would adapt the gait is not in these figures" in first_line(made_table())
+    real = first_line(made_stride_table(synthetic=False))
+    assert real.startswith("Recorded trials: medium_2.") and "no muscles" in real
+
+
+def test_what_one_setting_for_all_costs_is_the_parabola_s():
+    """2e-4 · 14² and 2e-4 · 16² on 2: 1.96 and 2.56 %; the third lies on the common setting."""
+    assert [excess(row) for row in made_table().tasks] == pytest.approx([1.96, 0.0, 2.56])
+    assert "1.507 % more on average and 2.56 % at most" in tasks_words(made_table())
+
+
+def test_cost_between_points_is_on_the_straight_line_and_nowhere_outside():
+    assert made_table().cost_at(73.5) == pytest.approx(float(np.mean(cost_of(np.array([71.0, 76.0])))))
+    assert made_table().cost_at(60.0) is None and failed_table().cost_at(73.5) is None
+
+
+def test_figures_draw_the_sweep_the_trials_the_optimum_and_what_hardly_changes():
+    left, right = cost_curve_figure(made_table(), made_arrays()).axes
+    named = {line.get_label(): line for line in left.get_lines()}
+    np.testing.assert_allclose(named["cost"].get_ydata(), cost_of(named["cost"].get_xdata()))
+    assert named["optimum, 104.2 mm"].get_xdata() == [BEST_MM]
+    assert len([line for line in left.get_lines() if line.get_color() == "0.75"]) == 3
+    parts = [line for line in right.get_lines() if len(line.get_xdata()) == 18]
+    np.testing.assert_allclose(sum(line.get_ydata() for line in parts), cost_of(parts[0].get_xdata()) - 2.0,
+                               atol=1e-12, err_msg="terms add up")
+    titles = [axes.get_title(loc="left").replace("\n", " ") for axes in outcomes_figure(made_table()).axes]
+    assert titles == ["load of the intact knee", "push-off work", "first peak of the force: hardly changes"]
+
+
+def test_alternative_text_and_differences_have_the_numbers(folders):
+    page = body(folders / "level_1")
+    assert "least 2.001 BW near 106 mm, most 2.438 BW at 151 mm. The optimum is at 104.2 mm." in page
+    np.testing.assert_allclose(root_mean_squares(made_stride_arrays(), "q"), 0.02)
+    assert root_mean_squares({}, "q") is None
+
+
+# What is said of a schedule.
+
+
+def test_policy_is_written_for_the_controller_and_for_people(folders):
+    """The parabolas' mean is 101.7 mm, 101.5 on half millimetres: 26.5² 1e-4 on 2 is 3.5 %, 3.5² and 23.5² less."""
+    folder = folders / "schedule"
+    assert {"figures/policy.png", "figures/curves.svg", "figures/tasks.png", "tables/policy.csv"} <= set(files(folder))
+    table = rows(folder / "policy.csv")
+    assert [(row["label"], float(row["speed_m_per_s"]), float(row["fulcrum_mm"])) for row in table] == [
+        (f"speed {speed}", speed, best) for speed, best in zip(SPEEDS, BEST, strict=True)]
+    assert table[0]["slope_deg"] == "" and table[0]["matters"] == "True"
+    assert (float(table[0]["interval_low_mm"]), float(table[0]["interval_high_mm"])) == (71.0, 79.0)
+    schedule = load_schedule(folder / "policy.json")
+    assert schedule == made_schedule() and schedule.lookup(speed=1.0) == 90.0
+
+    lost = [100.0 * 1e-4 * (101.5 - best) ** 2 / 2.0 for best in BEST]
+    words = " ".join(schedule_words(schedule))
+    assert "To store: 75.0 mm for speed 0.8, 105.0 mm for speed 1.2, 125.0 mm for speed 1.6." in words
+    assert f"One setting for all (101.5 mm) costs {np.mean(lost):.4g} % more on average and {max(lost):.4g} % at most" \
+        in words
+    assert "Known to need a setting of its own: speed 0.8, speed 1.6." in words
+    assert "Not told from the one setting for all: speed 1.2." in words, "101.5 lies within 101 to 109 mm"
+
+
+def test_tasks_that_need_nothing_of_their_own_are_called_so_first():
+    assert schedule_words(made_schedule(matters=False))[0].startswith("THE SETTING HARDLY MATTERS")
+    unknown = schedule_words(made_schedule(matters=None))
+    assert "Known to need a setting of its own: none." in unknown
+    assert "Not told from the one setting for all: speed 1.2." in unknown, "what lies within its interval is known"
+
+
+def test_what_only_holds_to_the_recording_is_no_gain_of_adaptability():
+    """Without it the costs are 1.5 at the tasks' own settings and 1.47 with one for all: 0.03 BW less, 2 %."""
+    schedule = made_schedule()
+    held = [dataclasses.replace(row, rest=1.5, rest_common=1.47) for row in schedule.tasks]
+    assert "one setting for all costs 0.03 BW LESS on average (2 %)." in " ".join(
+        schedule_words(dataclasses.replace(schedule, tasks=tuple(held))))
+    assert "holds to the recording" not in " ".join(schedule_words(schedule))
+
+
+def test_setting_is_drawn_over_what_tells_the_tasks_apart_and_costs_from_each_task_s_least():
+    schedule = made_schedule()
+    assert telling(schedule) == "speed_m_per_s" and telling(made_schedule(described=False)) is None
+    line = next(line for line in policy_figure(schedule, "speed_m_per_s").axes[0].get_lines()
+                if line.get_label() == "lookup, before rounding")
+    np.testing.assert_allclose(line.get_ydata(), [75.0, 75.0, 105.0, 125.0, 125.0], err_msg="flat outside of the tasks")
+    curves = [line for line in schedule_curves_figure(schedule).axes[0].get_lines() if len(line.get_xdata()) == 86]
+    assert [line.get_xdata()[np.argmin(line.get_ydata())] for line in curves] == list(BEST)
+    assert all(abs(min(line.get_ydata())) < 1e-12 for line in curves)
