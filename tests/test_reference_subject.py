@@ -273,12 +273,6 @@ def test_one_trial_comes_out_again(tmp_path):
         np.testing.assert_allclose(again.values, before.values, atol=0.5 if kind == "forces" else 0.01)
 
 
-def test_a_part_never_replaces_the_whole(tmp_path):
-    for option in (["--quick"], ["--only", "low_1"]):
-        done = subprocess.run([sys.executable, SCRIPT, *option], check=False, capture_output=True, text=True)
-        assert done.returncode == 2 and "--out" in done.stderr
-
-
 def test_page_shows_every_trial():
     page = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert all(len(re.findall(rf"^\| {name} \|", page, re.MULTILINE)) == 2 for name in NAMES)

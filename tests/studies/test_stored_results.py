@@ -1,48 +1,319 @@
-"""Stored results are of the files as they are, and their numbers are those that the present sources give."""
+"""Studies of the contact fit: what is stored is of the present data and sources, adds up, and is in the README."""
 
 from __future__ import annotations
 
 import copy
+import json
+import subprocess
+import sys
 import warnings
 
 import check_stored
+import contact_fit
+import contact_truth_recovery
+import floor_of_the_reference_subject
+import make_reference_subject
+import numpy as np
 import pytest
-from contact_fit_study.keeping import STUDIES, meaning, sources_sha256
-from floor_of_the_reference_subject import NOMINAL
+from contact_fit_study import results as fit_results
+from contact_fit_study.cases import ALONE, PAIR, TIERS, TRIALS, cases, transfer
+from contact_fit_study.floors import floor_behind_fit_bw
+from contact_fit_study.floors import stored as floors
+from contact_fit_study.keeping import STUDIES, kept, meaning, sources_sha256
+from contact_fit_study.table import TARGETS, Target, markdown_table, text_table
+from contact_truth_recovery import OPTIONS, made, trial
+from contact_truth_recovery import TRIALS as TRUTH_TRIALS
+from contact_truth_study.making import IMPULSE, assuming
+from contact_truth_study.recovering import ROUNDS, cover, row, through
+from floor_of_the_reference_subject import NOMINAL, RESULTS
+
+from vsf_drake.analysis.contact_fit.solve import prior_samples
+from vsf_drake.files import sha256
+
+ROOT = RESULTS.parents[1]
+FIT_SCRIPT, FIT_STORED = RESULTS.parent / "contact_fit.py", RESULTS / "contact_fit.json"
+KEYS = ("one_trial_grf_rmse_bw", "one_trial_grf_r2", "held_out_grf_rmse_bw", "held_out_fore_aft_rmse_bw",
+        "held_out_cop_rmse_fl", "held_out_impulse_rmse_bws", "null_model_grf_rmse_bw", "floor_grf_rmse_bw",
+        "fulcrum_sweep_correct", "bench_rmse_n_per_mm", "wall_s")
+
+
+@pytest.fixture(scope="module")
+def fit_stored():
+    return json.loads(FIT_STORED.read_text(encoding="utf-8"))
+
+
+def test_every_fit_is_stored_and_none_failed(fit_stored):
+    assert fit_stored["synthetic"] is True
+    inputs = fit_stored["provenance"]["inputs_sha256"]
+    assert len(inputs) == 4 + 2 * 3 * len(TRIALS)  # subject, model, bench and floors, and three files a trial and tier
+    for tier in TIERS:
+        found = fit_stored[tier]
+        for key in KEYS:
+            assert isinstance(found[key], int if key == "fulcrum_sweep_correct" else float), (tier, key)
+        blocks = [found["one_trial"], found["without_bench"], found["keel_unknown"], found["resultant_alone"],
+                  found["paper"]["literal"], found["paper"]["settled_10"]]
+        fits = [found["transfer"], *(fit for block in blocks for fit in block.values())]
+        assert len(fits) + len(found["all_pairs"]["pairs"]) == len(cases(tier))
+        assert not any("failed" in fit for fit in [*fits, *found["all_pairs"]["pairs"].values()])
+        assert all(set(fit["trials"]) == set(TRIALS) for fit in fits)
+        assert all(found["one_trial"][name]["fitted"] == [name] for name in ALONE)
+        assert found["transfer"]["fitted"] == list(PAIR) and found["transfer"]["starts"] == 5
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_numbers_at_their_keys_are_means_over_the_seven_held_out_trials(fit_stored, tier):
+    found = fit_stored[tier]
+    trials = found["transfer"]["trials"]
+    held = [row for row in trials.values() if row["role"] == "held out"]
+    assert len(held) == 7 and not set(PAIR) & {name for name, row in trials.items() if row in held}
+    for key, metric in (("held_out_grf_rmse_bw", "grf_rmse_bw"), ("held_out_cop_rmse_fl", "cop_rmse_fl"),
+                        ("held_out_fore_aft_rmse_bw", "fore_aft_rmse_bw"),
+                        ("held_out_impulse_rmse_bws", "impulse_rmse_bws"),
+                        ("null_model_grf_rmse_bw", "null_model_grf_rmse_bw")):
+        values = [row[metric] for row in held]
+        assert found[key] == pytest.approx(np.mean(values)), key
+        assert found["held_out"][key]["worst"] == max(values)
+    definition = "exact" if tier == "exact" else "shared_errors_removed"
+    floor = [floors()["trials"][name][definition]["grf_rmse_bw"] for name in found["transfer"]["held_out"]]
+    assert found["floor_grf_rmse_bw"] == pytest.approx(np.mean(floor))
+    right = [abs(row["sweep"]["best_mm"] - row["fulcrum_mm"]) <= 10.5 for row in trials.values()]
+    assert found["fulcrum_sweep_correct"] == sum(right)
+    bench = found["transfer"]["bench"]
+    off = np.subtract(bench["model_n_per_mm"], bench["measured_n_per_mm"])
+    assert found["bench_rmse_n_per_mm"] == pytest.approx(np.sqrt(np.mean(off**2)))
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_errors_below_their_floor_are_named(fit_stored, tier):
+    trials = fit_stored[tier]["transfer"]["trials"]
+    below = {name for name, row in trials.items() if row["grf_rmse_bw"] < row["floor_grf_rmse_bw"]}
+    assert set(fit_stored[tier]["below_floor"]["trials"]) == below
+    assert bool(fit_stored[tier]["below_floor"]["why"]) == bool(below)
+
+
+def test_the_readme_shows_the_stored_numbers(fit_stored):
+    assert markdown_table(fit_stored) in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_targets_are_met(fit_stored):
+    missed = [(tier, t.what) for tier in TIERS for t in TARGETS
+              if tier in t.limits and not t.met(tier, fit_stored[tier])]
+    assert not missed
+    assert "MISSED" not in text_table(fit_stored)
+
+
+def test_a_fit_that_failed_is_no_number_and_a_target_missed():
+    numbers = fit_results.pair_results({"failed": "the walk diverges"})
+    assert all(numbers[key] is None for key in ("held_out_grf_rmse_bw", "fulcrum_sweep_correct", "wall_s"))
+    text = text_table({"exact": numbers})
+    assert "failed" in text and "MISSED" in text
+
+
+def test_a_mean_is_of_sizes_and_not_of_some_trials_and_a_target_a_most_or_a_least():
+    rows = {"a": {"late": -0.02}, "b": {"late": 0.01}}
+    assert fit_results.spread({"held_out": ["a", "b"], "trials": rows}, "late") == {
+        "mean": pytest.approx(0.015), "worst": 0.02, "worst_trial": "a"}
+    rows["b"]["late"] = None
+    assert fit_results.spread({"held_out": ["a", "b"], "trials": rows}, "late")["mean"] is None
+    most = Target(what="", key="x", limits={"exact": 1.0})
+    least = Target(what="", key="x", limits={"exact": 1.0}, at_least=True)
+    assert most.met("exact", {"x": 1.0}) and not most.met("exact", {"x": 1.1})
+    assert least.met("exact", {"x": 1.0}) and not least.met("exact", {"x": 0.9})
+    assert not most.met("exact", {"x": None})
+
+
+def test_a_kept_part_is_made_again_only_for_another_key(tmp_path):
+    calls = []
+
+    def make():
+        calls.append(1)
+        return {"value": float(len(calls)), "lost": float("nan")}
+
+    def broken():
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        kept(tmp_path, "part", "one", broken)
+    assert not (tmp_path / "part.json").exists()
+    assert kept(tmp_path, "part", "one", make) == ({"value": 1.0, "lost": None}, False)
+    assert kept(tmp_path, "part", "one", make) == ({"value": 1.0, "lost": None}, True)
+    assert kept(tmp_path, "part", "two", make)[0]["value"] == 2.0
+
+
+def test_less_its_own_errors_too_a_trial_is_left_with_the_plates_noise():
+    """What remains of the laboratory tier then is the exact tier's motion under the laboratory's plate."""
+    expected = floors()["trials"]["high_1"]["plate_noise"]["grf_rmse_bw"]
+    assert floor_behind_fit_bw("high_1", ("high_1",)) == pytest.approx(expected, abs=5e-5)
+
+
+@pytest.mark.parametrize("script", [contact_fit, contact_truth_recovery, floor_of_the_reference_subject,
+                                    make_reference_subject], ids=lambda script: script.__name__)
+def test_a_part_of_a_study_never_replaces_the_whole(monkeypatch, capsys, script):
+    monkeypatch.setattr(sys, "argv", [script.__name__, "--quick"])
+    with pytest.raises(SystemExit) as ended:
+        script.main()
+    assert ended.value.code == 2 and "--out" in capsys.readouterr().err
+
+
+def test_cases_have_names_of_their_own_and_pairs_are_soft_and_stiff():
+    names = [case.name for tier in TIERS for case in cases(tier)] + [transfer("exact", starts=1).name]
+    assert len(set(names)) == len(names)
+    pairs = {case.fitted for case in cases("exact") if len(case.fitted) == 2}
+    assert len(pairs) == 9 and all(a.startswith("low") and b.startswith("high") for a, b in pairs)
+
+
+@pytest.mark.slow
+def test_the_quick_form_finds_the_stored_fit_again(tmp_path, fit_stored):
+    """One start ends where the best of five does, as far as what it predicts goes; the stored file stays as it was."""
+    before = sha256(FIT_STORED)
+    subprocess.run([sys.executable, FIT_SCRIPT, "--quick", "--out", tmp_path], check=True, capture_output=True)
+    again = json.loads((tmp_path / "contact_fit.json").read_text(encoding="utf-8"))
+    assert set(again) - set(fit_stored) == set() and "laboratory" not in again
+    for key in ("held_out_grf_rmse_bw", "held_out_cop_rmse_fl", "held_out_fore_aft_rmse_bw"):
+        assert again["exact"][key] == pytest.approx(fit_stored["exact"][key], abs=2e-3), key
+    assert again["exact"]["fulcrum_sweep_correct"] == fit_stored["exact"]["fulcrum_sweep_correct"]
+    for name in ("errors_by_trial", "fulcrum_sweeps"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000 and (tmp_path / f"{name}.svg").exists()
+    assert sha256(FIT_STORED) == before
+
+
+# Truth recovery: recordings that the model made are fitted back.
+
+
+TRUTH_STORED = RESULTS / "contact_truth_recovery.json"
+
+
+@pytest.fixture(scope="module")
+def truth_stored():
+    if not TRUTH_STORED.exists():
+        pytest.skip("the study has not been run")
+    return json.loads(TRUTH_STORED.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def one():
+    """A truth and its recording of one trial, without noise."""
+    return made(TRUTH_TRIALS["one_trial"], [7, 2, 0], 0.0)
+
+
+def test_at_the_truth_nothing_is_left_but_the_prior(one):
+    at = one.fit.evaluate(one.truth, derivatives=False)
+    *data, prior = at.terms
+    for term in data:
+        np.testing.assert_allclose(term.residual, 0.0, atol=1e-3, err_msg=f"{term.trial} {term.name}")
+    np.testing.assert_array_equal(prior.residual, one.truth)
+    assert np.abs(one.truth).max() > 1.0, "the truth is not the middle of the prior"
+
+
+def test_a_made_recording_carries_the_person(one):
+    impulses = [np.trapezoid(plate.force_W[:, 2], plate.time_s) for plate in
+                (one.fit.trials[0].prosthetic_plate, trial("low_1").prosthetic_plate)]
+    assert impulses[0] == pytest.approx(impulses[1], rel=IMPULSE)
+
+
+def test_less_noise_is_assumed_of_the_same_recordings(one):
+    less = assuming(one, 0.1)
+    assert less.fit.options.noise.vertical == pytest.approx(0.1 * OPTIONS.noise.vertical)
+    assert less.fit.options.noise.correlation_s == OPTIONS.noise.correlation_s
+    assert less.fit.bench.uncertainty_n_per_m == pytest.approx(0.1 * one.fit.bench.uncertainty_n_per_m)
+    u = np.zeros(len(one.truth))
+    for a, b in zip(one.fit.evaluate(u).terms[:-1], less.fit.evaluate(u).terms[:-1], strict=True):
+        np.testing.assert_allclose(b.residual, 10.0 * a.residual, rtol=1e-9, atol=1e-9)
+
+
+def test_drawn_noise_is_as_large_as_was_assumed_and_nothing_in_swing():
+    """The filter at 40 Hz takes a twentieth of the force's variance, that at 6 Hz a third of the other's."""
+    noisy = [made(TRUTH_TRIALS["one_trial"], [7, 3, seed], 1.0) for seed in range(4)]
+    rms: dict[str, list[float]] = {}
+    for item in noisy:
+        at = item.fit.evaluate(item.truth, derivatives=False)
+        stance = item.fit.terms_of(item.fit.trials[0], item.fit.labels[0]).walk(item.truth)[0].stances[0].measured
+        for term in at.terms[:-2]:
+            inside = (term.times_s > stance.start_s + 0.02) & (term.times_s < stance.end_s - 0.02)
+            rms.setdefault(term.name, []).append(np.mean(term.residual[inside] ** 2))
+        plate = item.fit.trials[0].prosthetic_plate
+        assert not plate.force_W[plate.time_s < stance.start_s - 0.05].any()
+    found = {name: np.sqrt(np.mean(values)) for name, values in rms.items()}
+    for name in ("fore_aft", "lateral", "vertical"):
+        assert found[name] == pytest.approx(0.97, rel=0.3), name
+    assert found["cop_fore_aft"] == pytest.approx(0.82, rel=0.4)
+
+
+@pytest.mark.slow
+def test_a_truth_comes_back_from_random_starts(one):
+    """Force within 0.2 % body weight from each; all end in one minimum, which is the truth's."""
+    problems = [assuming(one, scale) for scale in ROUNDS]
+    ends = [through(problems, u)[-1] for u in prior_samples(one.fit.parameters, 2, [1])]
+    rows = [row(problems[-1], found) for found in ends]
+    for found in rows:
+        assert found["success"]
+        assert max(found["grf_rmse_bw"]) < 2e-3
+        assert found["within"] >= 0.9 * found["identified"], found["outside"]
+        assert found["identified"] >= 20
+    assert ends[0].cost == pytest.approx(ends[1].cost, abs=2.0)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_in_most_seeds():
+    """Three seeds of one trial: of some twenty-five intervals of what is identified one or two are expected to miss."""
+    found = [cover(made(TRUTH_TRIALS["one_trial"], [7, 1, seed], 1.0), 1.0) for seed in range(3)]
+    known = [p["contained"] for seed in found for p in seed["parameters"].values() if p["identified"]]
+    assert all(seed["success"] for seed in found)
+    assert len(known) >= 15 and np.mean(known) > 0.8
+
+
+def test_stored_results_add_up(truth_stored):
+    assert truth_stored["synthetic"] is True
+    for found in truth_stored["recovery"].values():
+        rows = [search for truth in found["truths"] for search in truth["in_rounds"]["searches"]]
+        assert found["in_rounds"]["searches"]["within"] == sum(r["within"] for r in rows)
+        assert all(r["identified"] - r["within"] == len(r["outside"]) for r in rows)
+    for found in truth_stored["intervals"].values():
+        for parameter in found["parameters"].values():
+            assert sum(parameter["contained_in_twenties"]) == parameter["contained"] <= found["seeds"]
+
+
+def test_forces_come_back_within_a_fifth_of_a_percent_from_every_start(truth_stored):
+    for name, found in truth_stored["recovery"].items():
+        assert found["in_rounds"]["searches"]["grf_rmse_bw"]["worst"] < 2e-3, name
+        assert found["in_rounds"]["searches"]["converged"] == found["in_rounds"]["searches"]["count"], name
+
+
+# Stored results are of the files and the sources as they are.
 
 
 @pytest.mark.parametrize("name", check_stored.CHECKS)
 def test_stored_numbers_are_of_the_files_as_they_are(name):
-    stored = check_stored.read(name)
-    assert NOMINAL in stored["provenance"]["inputs_sha256"]
-    assert check_stored.changed_files(name, stored) == []
+    saved = check_stored.read(name)
+    assert NOMINAL in saved["provenance"]["inputs_sha256"]
+    assert check_stored.changed_files(name, saved) == []
 
 
 @pytest.mark.parametrize("name", check_stored.CHECKS)
 def test_stored_numbers_are_those_of_the_present_sources(name):
-    """Other sources are a warning, if a part that is made anew in seconds gives the stored numbers."""
-    stored = check_stored.read(name)
-    assert set(stored["provenance"]["sources"]) == {"sha256", "numbers"}
-    if not check_stored.same_sources(name, stored):
+    """Other sources are a warning, if a part that is made anew in seconds gives the saved numbers."""
+    saved = check_stored.read(name)
+    assert set(saved["provenance"]["sources"]) == {"sha256", "numbers"}
+    if not check_stored.same_sources(name, saved):
         warnings.warn(f"studies/results/{name}.json: other sources made or checked it; python studies/check_stored.py "
                       "notes that these give the same numbers", stacklevel=1)
-        assert check_stored.differences(name, stored) == [], f"stale: run studies/{check_stored.CHECKS[name][0]} again"
+        assert check_stored.differences(name, saved) == [], f"stale: run studies/{check_stored.CHECKS[name][0]} again"
 
 
 @pytest.mark.parametrize("name", ["floor", "contact_fit"])
 def test_a_spot_check_tells_a_number_that_is_off_by_a_thousandth(name):
-    stored = copy.deepcopy(check_stored.read(name))
-    row = stored["trials"]["low_1"]["laboratory"] if name == "floor" else (
-        stored["exact"]["transfer"]["trials"]["medium_2"])
+    saved = copy.deepcopy(check_stored.read(name))
+    row = saved["trials"]["low_1"]["laboratory"] if name == "floor" else (
+        saved["exact"]["transfer"]["trials"]["medium_2"])
     row["cop_rmse_fl"] *= 1.001
-    (told,) = check_stored.differences(name, stored)
+    (told,) = check_stored.differences(name, saved)
     assert "cop_rmse_fl" in told
 
 
 def test_another_file_is_told():
-    stored = copy.deepcopy(check_stored.read("floor"))
-    stored["provenance"]["inputs_sha256"]["exact/low_1.yaml"] = "0" * 64
-    assert check_stored.changed_files("floor", stored) == ["exact/low_1.yaml"]
+    saved = copy.deepcopy(check_stored.read("floor"))
+    saved["provenance"]["inputs_sha256"]["exact/low_1.yaml"] = "0" * 64
+    assert check_stored.changed_files("floor", saved) == ["exact/low_1.yaml"]
 
 
 def test_a_digest_knows_what_sources_say_and_not_how_they_are_written(tmp_path):

@@ -1,22 +1,72 @@
-"""The same foot in more pieces."""
+"""Studies of the foot: calibrated to the bench, in more pieces, and what finer modelling costs."""
 
 from __future__ import annotations
 
 import dataclasses
+import runpy
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from calibrate_device import calibrate_device, with_compliances
+from cost_against_work import Cost, cost_figure, measure_costs
 from pydrake.multibody.plant import MultibodyPlant
 from refined_spheres import fill, with_spheres
 from scipy.spatial import ConvexHull
 
 from vsf_drake.analysis.bench_metrics import displacement, stiffness
+from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, section_inertia
-from vsf_drake.model_file import check_model
+from vsf_drake.model_file import check_model, foam_under_load, load_model
+from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.foot import add_foot, with_elements
-from vsf_drake.simulation.bench import Bench
+from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    return load_model(resource("models/nominal.yaml"))
+
+
+def test_shipped_model_is_the_default_of_the_parameters(nominal):
+    assert nominal == ModelParameters()
+
+
+def test_calibration_recovers_compliances_that_made_the_data():
+    truth = with_compliances(FootParameters(), fulcrum_stiffness=250e3, series_stiffness=50e3)
+    measured = {}
+    for fulcrum_m in (0.066, 0.108, 0.151):
+        run = Bench(truth).press(fulcrum_m=fulcrum_m, max_load_n=600.0, speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
+        measured[fulcrum_m] = stiffness(displacement(run), run.load_n)
+    calibration = calibrate_device(FootParameters(), measured=measured)
+    assert calibration.success
+    assert calibration.fulcrum_stiffness == pytest.approx(250e3, rel=1e-3)
+    assert calibration.series_stiffness == pytest.approx(50e3, rel=1e-3)
+    with pytest.raises(InputError, match="two or more"):
+        calibrate_device(FootParameters(), measured={0.066: 10e3})
+
+
+def test_forefoot_spheres_under_the_bench_patch_have_the_bench_foams_stiffness(nominal):
+    foot = nominal.foot
+    low, high = foot.load_point_m - 0.5 * foot.series_patch_m, foot.load_point_m + 0.5 * foot.series_patch_m
+    total = sum(zone.stiffness for zone in foot.zones for x in zone.x_mm if low <= 1e-3 * x <= high)
+    assert total == pytest.approx(foot.series_stiffness_n_per_m, rel=1e-12)
+    assert foam_under_load(foot) == pytest.approx((total, 1.0))
+
+
+def test_study_writes_the_shipped_model_again(tmp_path, monkeypatch):
+    study = Path(__file__).resolve().parents[2] / "studies" / "calibrate_device.py"
+    monkeypatch.setattr(sys, "argv", [str(study), "--quick", "--out", str(tmp_path)])
+    runpy.run_path(str(study), run_name="__main__")
+    assert load_model(tmp_path / "nominal.yaml") == load_model(resource("models/nominal.yaml"))
+
+
+# The same foot in more pieces.
+
 
 FOOT = FootParameters()
 SUPPORT_M = 0.108
@@ -47,13 +97,9 @@ def hull_area(zone):
     return ConvexHull(np.column_stack([zone.x_mm, zone.y_mm])).volume
 
 
-def test_as_many_pieces_as_it_has_are_the_foot_itself():
-    assert with_elements(FOOT, 8) == FOOT
-    assert with_spheres(FOOT, 24) == FOOT
-
-
-@pytest.mark.parametrize("elements", [16, 32, 64])
+@pytest.mark.parametrize("elements", [16, 64])
 def test_more_elements_are_the_same_keel(elements):
+    assert with_elements(FOOT, 8) == FOOT
     finer = with_elements(FOOT, elements)
     check_model(ModelParameters(foot=finer))
     assert len(finer.keel.element_lengths_m) == elements
@@ -99,8 +145,9 @@ def test_the_bench_of_a_finer_keel_comes_closer_to_the_beam():
     assert abs(fine) < 0.01
 
 
-@pytest.mark.parametrize("spheres", [50, 100, 200])
+@pytest.mark.parametrize("spheres", [50, 200])
 def test_more_spheres_are_the_same_sole(spheres):
+    assert with_spheres(FOOT, 24) == FOOT
     finer = with_spheres(FOOT, spheres)
     check_model(ModelParameters(foot=finer))
     assert sum(len(zone.x_mm) for zone in finer.zones) == spheres
@@ -131,15 +178,76 @@ def test_filled_outline_bears_in_its_middle():
         assert fill(corners, 2000)[:, 0].mean() == pytest.approx(centroid, abs=0.02 * np.ptp(x))
 
 
-@pytest.mark.parametrize(("refine", "count", "message"), [
-    (with_elements, 12, "multiple of 8"), (with_elements, 0, "multiple of 8"), (with_elements, 4, "multiple of 8"),
-    (with_spheres, 23, "at least what the foot has")])
-def test_what_cannot_be_had_by_refining_is_refused(refine, count, message):
-    with pytest.raises(InputError, match=message):
-        refine(FOOT, count)
-
-
-def test_a_curved_zone_is_refused():
+def test_what_cannot_be_had_by_refining_is_refused():
+    for refine, count, message in ((with_elements, 12, "multiple of 8"), (with_elements, 0, "multiple of 8"),
+                                   (with_spheres, 23, "at least what the foot has")):
+        with pytest.raises(InputError, match=message):
+            refine(FOOT, count)
     zone = dataclasses.replace(FOOT.zones[0], rise_mm=(0.0, 1.0))
     with pytest.raises(InputError, match="do not have one height"):
         with_spheres(dataclasses.replace(FOOT, zones=(zone, *FOOT.zones[1:])), 50)
+
+
+# What a walk costs against how finely it is modelled.
+
+
+@pytest.fixture(scope="module")
+def costs():
+    trial = load_trial(embedded_trials("exact")[0])
+    return measure_costs(trial, quick=True, repeats=1)
+
+
+def family(costs, name):
+    return [cost for cost in costs if cost.family == name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["step", "spheres", "elements"])
+def test_each_family_is_measured_against_its_finest_and_comes_closer_to_it(costs, name):
+    members = family(costs, name)
+    differences = [cost.difference_bw for cost in members]
+    assert members[-1].against == ""
+    assert differences[-1] == 0.0
+    assert all(cost.against for cost in members[:-1])
+    assert differences == sorted(differences, reverse=True)
+
+
+@pytest.mark.slow
+def test_free_coordinates_run_from_socket_and_keel_to_everything(costs):
+    """Socket 6 and keel 9 are always free; the person's 21 come on top, and the carriage stays where it is put."""
+    counts = [cost.size for cost in family(costs, "free")]
+    assert counts == sorted(counts)
+    assert (counts[0], counts[-1]) == (15, 36)
+    # The pelvis is prescribed: whatever hangs limp on its other side, the prosthetic foot sees the same motion.
+    held, *_, limp = [cost for cost in family(costs, "free") if cost.size <= 24]
+    assert limp.difference_bw == pytest.approx(held.difference_bw, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_every_walk_converges_and_settling_is_a_part_of_it(costs):
+    for cost in costs:
+        assert cost.unconverged == 0
+        assert 0.0 < cost.settling_s < cost.wall_s
+        assert cost.stepping_per_second > 0.0
+
+
+def cost(family, size, wall_s, difference_bw, against="the finest"):
+    return Cost(family=family, size=size, label=f"{size:g}", simulated_s=1.2, wall_s=wall_s, settling_s=0.01,
+                iterations=2.5, unconverged=0, difference_bw=difference_bw, against=against)
+
+
+COSTS = [
+    cost("step", 4e-3, 0.03, 0.0027), cost("step", 1e-3, 0.09, 0.00056), cost("step", 1.25e-4, 0.6, 0.0, ""),
+    cost("spheres", 24, 0.09, 0.0055), cost("spheres", 200, 0.2, 0.0, ""),
+    cost("elements", 8, 0.09, 0.0065), cost("elements", 64, 1.9, 0.0, ""),
+    cost("free", 15, 0.03, 1e-7), cost("free", 36, 0.04, 0.0054)]
+
+
+def test_walks_stand_where_their_cost_without_settling_is_with_their_error_beside():
+    figure = cost_figure(COSTS, title="Somebody's walk")
+    step, *others = ([text.get_text() for text in axes.texts] for axes in figure.axes)
+    assert step == ["real time", "finest", "0.056 %", "0.27 %"]
+    assert [texts[1:] for texts in others] == [["0.55 %", "finest"], ["0.65 %", "finest"], ["< 0.005 %", "0.54 %"]]
+    line = next(line for line in figure.axes[0].lines if len(line.get_xdata()) == 3)
+    assert line.get_xdata().tolist() == [0.125, 1.0, 4.0]
+    assert line.get_ydata().tolist() == [(wall - 0.01) / 1.2 for wall in (0.6, 0.09, 0.03)]

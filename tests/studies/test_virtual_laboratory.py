@@ -1,0 +1,515 @@
+"""The virtual laboratory: its foot meets beam theory, statics and the published bench, is passive and converges."""
+
+from __future__ import annotations
+
+import ast
+import copy
+import dataclasses
+import itertools
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from make_reference_subject import DATA, SEED
+from scipy.signal import butter, filtfilt
+from scipy.spatial.transform import Rotation
+from virtual_laboratory import bench, bench_curve_truth, bench_truth, device, laws, prosthesis
+from virtual_laboratory import floor as floors
+from virtual_laboratory.bench import LOADS_N
+from virtual_laboratory.design import Design, KeelDesign
+from virtual_laboratory.keel import make_keel
+from virtual_laboratory.motion import COORDINATES
+from virtual_laboratory.prosthesis import Prosthesis
+from virtual_laboratory.tiers import PLATE_N, TRIAL_DEG, TRIAL_M
+
+from vsf_drake.bench_curves import load_bench_curves, load_bench_file
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, FootParameters, Subject
+
+SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
+
+
+def test_the_bench_files_hold_what_the_foot_that_walked_shows_on_the_bench():
+    curves = load_bench_curves(DATA / "bench_curves.csv").curves
+    read = load_bench_file(DATA / "bench.yaml")
+    assert read.synthetic and "SYNTHETIC" in read.name
+    assert read.max_load_n == LOADS_N[1]
+    for x, k, curve in zip(read.fulcrum_m, read.stiffness_n_per_m, curves[:-1], strict=True):
+        walked = Prosthesis(SUBJECT, x).bench()
+        for one, name in ((curve, "forefoot"), (curves[-1], "heel")):
+            low, high = np.interp([200.0, 600.0], one.load_n, one.displacement_m)
+            assert curve.fulcrum_m == x
+            assert 0.4 / (high - low) == pytest.approx(walked[f"{name}_n_per_mm"], rel=5e-5)
+        assert 1e-3 * k == pytest.approx(walked["forefoot_n_per_mm"], abs=6e-4)
+        assert 1e-3 * read.heel_stiffness_n_per_m == pytest.approx(walked["heel_n_per_mm"], abs=6e-4)
+
+
+def test_softest_and_stiffest_setting_are_the_published_ones():
+    forefoot = bench_truth.forefoot_n_per_mm()
+    assert forefoot[66] == pytest.approx(10.0, abs=0.01) and forefoot[151] == pytest.approx(32.0, abs=0.01)
+    assert list(forefoot.values()) == sorted(forefoot.values())
+    assert bench_truth.heel_n_per_mm() == pytest.approx(65.0, abs=0.01)
+
+
+def test_the_bench_files_come_out_again(tmp_path):
+    curves = bench_curve_truth.write_bench_curves(tmp_path / "made").read_text(encoding="utf-8")
+    assert curves == (DATA / "bench_curves.csv").read_text(encoding="utf-8")
+    assert "SYNTHETIC" in curves.splitlines()[0]
+    again = bench_truth.write_bench(tmp_path / "made")
+    assert load_bench_file(again) == load_bench_file(DATA / "bench.yaml")
+    assert "SYNTHETIC" in again.read_text(encoding="utf-8").splitlines()[0]
+
+
+def test_a_softer_setting_gives_way_further_at_every_load():
+    curves = load_bench_curves(DATA / "bench_curves.csv").curves[:-1]
+    for softer, stiffer in itertools.pairwise(curves):
+        np.testing.assert_array_equal(softer.load_n, stiffer.load_n)
+        assert (softer.displacement_m[1:] > stiffer.displacement_m[1:]).all()
+
+
+# Its bench and its laws.
+
+
+@pytest.mark.parametrize("fulcrum_m", [0.066, 0.108, 0.151])
+def test_uniform_keel_is_the_overhung_beam(fulcrum_m):
+    uniform = dataclasses.replace(KeelDesign(), thickness_tip_m=6.6e-3, width_tip_m=0.0684)
+    rigid = dataclasses.replace(uniform, fulcrum_stiffness_n_per_m=1e11)
+    foot = FootParameters()
+    d = bench.bench_device(Design(keel=rigid), fulcrum_m)
+    [q] = bench.keel_under_load(d, foot.load_point_m, np.array([1.0]))
+    bending = uniform.modulus_pa * uniform.width_rear_m * uniform.thickness_rear_m**3 / 12
+    closed_form = 3 * bending / ((foot.load_point_m - fulcrum_m) ** 2 * foot.load_point_m)
+    assert 1.0 / bench.point_height(d, np.cumsum(q), foot.load_point_m) == pytest.approx(closed_form, rel=0.01)
+
+
+def test_work_on_the_bent_keel_is_the_energy_in_its_hinges_and_fulcrum():
+    d = bench.bench_device(Design(), 0.066)
+    loads = np.linspace(0.0, 800.0, 201)
+    q = bench.keel_under_load(d, 0.199, loads)
+    heights = np.array([bench.point_height(d, np.cumsum(row), 0.199) for row in q])
+    work = float(np.sum(0.5 * (loads[1:] + loads[:-1]) * np.diff(heights)))
+    # the fulcrum's gap follows from moments about A, taken on the bent keel: the roller pushes along its normal
+    angles = np.cumsum(q[-1])
+    x = np.concatenate(([0.0], np.cumsum(d.lengths * np.cos(angles))))
+    z = np.concatenate(([0.0], np.cumsum(d.lengths * np.sin(angles))))
+    gap = np.interp(d.fulcrum, x, z)
+    energy = 0.5 * np.sum(d.hinge_stiffness * q[-1] ** 2) + 0.5 * d.fulcrum_stiffness * gap**2
+    assert heights[-1] > 0.05
+    assert work == pytest.approx(energy, rel=2e-3)
+
+
+def test_bench_meets_the_published_stiffness():
+    stiffness = {x: bench.forefoot_stiffness(bench.bench_device(Design(), x)) for x in (0.066, 0.108, 0.151)}
+    assert stiffness[0.066] == pytest.approx(10e3, rel=0.01)
+    assert stiffness[0.151] == pytest.approx(32e3, rel=0.01)
+    assert 17e3 < stiffness[0.108] < 19e3
+    assert bench.heel_stiffness(bench.bench_device(Design(), 0.066)) == pytest.approx(65e3, rel=0.02)
+
+
+def test_tuning_finds_the_recorded_constants():
+    start = Design(keel=dataclasses.replace(KeelDesign(), fulcrum_stiffness_n_per_m=3e5))
+    found, recorded = bench.tuned(start), Design()
+    assert found.keel.fulcrum_stiffness_n_per_m == pytest.approx(recorded.keel.fulcrum_stiffness_n_per_m, rel=1e-3)
+    assert found.sole.foam_modulus_pa == pytest.approx(recorded.sole.foam_modulus_pa, rel=1e-3)
+    assert found.sole.heel_modulus_pa == pytest.approx(recorded.sole.heel_modulus_pa, rel=1e-3)
+
+
+@pytest.mark.parametrize("depth", [1e-4, 5e-3, 0.019, 0.0205, 0.03])
+def test_foam_force_and_slope_belong_together(depth):
+    force, slope = laws.foam(depth, 700.0, 0.024)
+    around = [laws.foam(depth + e, 700.0, 0.024)[0] for e in (-1e-7, 1e-7)]
+    assert slope == pytest.approx((around[1] - around[0]) / 2e-7, rel=1e-4)
+    assert force >= 700.0 * depth
+
+
+def test_foam_never_pulls_and_gives_back_less_than_it_took():
+    time = np.linspace(0.0, 0.5, 2001)
+    depth = 0.01 * np.sin(2 * np.pi * time)
+    rate, h = np.gradient(depth, time), time[1]
+    pressed = zip(depth, rate, strict=True)
+    force = np.array([laws.foam_with_hysteresis(d, v, h, 700.0, 0.024, 2.5)[0] for d, v in pressed])
+    assert force.min() >= 0.0
+    lost = np.trapezoid(force * rate, time)
+    assert 0.02 < lost / (0.5 * 700.0 * 0.01**2) < 0.5
+
+
+def test_socket_hardens_and_holds_in_both_directions():
+    s = Design().socket
+    press, pull = (laws.axial(u, s.axial_force_n, s.axial_length_m, s.axial_linear_n_per_m) for u in (8e-3, -6e-3))
+    assert press[0] == pytest.approx(800.0, rel=0.1)
+    assert pull[0] == pytest.approx(-90.0, rel=0.25)
+    assert laws.hardening(0.09, 800.0, 0.09)[1] > 1.4 * laws.hardening(0.0, 800.0, 0.09)[1]
+    assert laws.hardening(-0.1, 800.0, 0.09)[0] == -laws.hardening(0.1, 800.0, 0.09)[0]
+
+
+# Its prosthesis under a walker.
+
+
+WEIGHT_N = SUBJECT.mass_kg * GRAVITY
+UPRIGHT = np.eye(3)
+FIRM = {"hysteresis_s_per_m": 0.0, "friction": 50.0}
+
+
+def virtual_foot(fulcrum_m: float = 0.108, *, step_s: float = 5e-4, **sole: float) -> prosthesis.Prosthesis:
+    design = Design(sole=dataclasses.replace(Design().sole, **sole))
+    return prosthesis.Prosthesis(SUBJECT, fulcrum_m, design=design, step_s=step_s)
+
+
+def knee(p: prosthesis.Prosthesis, pressed_m: float) -> np.ndarray:
+    return np.array([0.0, 0.0, p.sole_below_knee - pressed_m])
+
+
+def roll_over(p: prosthesis.Prosthesis, lateral: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A smooth step: from the air over heel and toe and off again, leaning and turning by `lateral` (rad)."""
+    time = np.arange(0.0, 0.9 + 1e-9, 1e-3)
+    s = np.clip((time - 0.08) / 0.7, 0.0, 1.0)
+    s = s * s * (3 - 2 * s)
+    pitch, down = np.radians(-16 + 38 * s), np.sin(np.pi * np.clip(time / 0.9, 0.0, 1.0)) ** 2
+    turns = np.column_stack([lateral * np.sin(2 * np.pi * time), pitch, lateral * np.sin(3 * np.pi * time)])
+    wheel, leg = 0.30, p.sole_below_knee - 0.30
+    x, z = wheel * pitch + leg * np.sin(pitch), wheel + leg * np.cos(pitch) + 0.05 - 0.065 * down
+    return time, Rotation.from_euler("zxy", turns[:, [2, 0, 1]]).as_matrix(), np.column_stack([x, 0 * x, z])
+
+
+def low_passed(force: np.ndarray) -> np.ndarray:
+    return filtfilt(*butter(4, 40.0, fs=1000.0), force, axis=0)
+
+
+def work_on(p: prosthesis.Prosthesis, time: np.ndarray, R: np.ndarray, x: np.ndarray, load: np.ndarray) -> float:
+    """Work (J) of the shank on the prosthesis, from the load that the prosthesis reports."""
+    end = x - p.residual_length * R[:, :, 2]
+    force = np.einsum("nij,nj->ni", R, load[:, :3])
+    moment = np.einsum("nij,nj->ni", R, load[:, 3:])
+    turn = (Rotation.from_matrix(R[1:]) * Rotation.from_matrix(R[:-1]).inv()).as_rotvec()
+    mean = [0.5 * (a[1:] + a[:-1]) for a in (force, moment)]
+    return -float(np.sum(mean[0] * np.diff(end, axis=0)) + np.sum(mean[1] * turn))
+
+
+def test_hangs_in_the_socket_with_its_weight():
+    p = virtual_foot()
+    p.reset(UPRIGHT, knee(p, -0.1))
+    assert p.mass_kg == pytest.approx(0.8 + 0.4 + 0.649)
+    np.testing.assert_allclose(p.socket_load[:3], [0.0, 0.0, -p.mass_kg * GRAVITY], atol=1e-4)
+    np.testing.assert_array_equal(p.force, 0.0)
+    assert np.isnan(p.cop).all()
+
+
+@pytest.mark.parametrize("lean", [(0.0, 0.0, 0.0), (0.05, 0.1, 0.2), (-0.04, -0.2, 0.0)])
+def test_standing_still_forces_and_moments_balance(lean):
+    p = virtual_foot()
+    R = Rotation.from_euler("xyz", lean).as_matrix()
+    x = R @ knee(p, 0.02)
+    p.reset(R, x)
+    assert p.force[2] > 200.0
+    masses = np.concatenate([p.device.masses, p.device.node_masses])
+    weights = np.outer(masses, [0.0, 0.0, -GRAVITY])
+    on_prosthesis, moment = -R @ p.socket_load[:3], -R @ p.socket_load[3:]
+    np.testing.assert_allclose(p.force + on_prosthesis + weights.sum(axis=0), 0.0, atol=1e-3 * WEIGHT_N)
+    free = p.free_moment * np.array([0.0, 0.0, 1.0])
+    end = x - p.residual_length * R[:, 2]
+    total = (np.cross(p.cop, p.force) + free + np.cross(end, on_prosthesis) + moment
+             + np.cross(p.state.mass_x, weights).sum(axis=0))
+    np.testing.assert_allclose(total, 0.0, atol=0.1)
+
+
+def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary():
+    """Second method: virtual work of ground and weight against the energy of hinges and fulcrum, by differences."""
+    p = virtual_foot(0.066)
+    R = Rotation.from_euler("y", 0.35).as_matrix()
+    toe = 0.15
+    p.reset(R, R @ knee(p, 0.0) + [0.0, 0.0, toe * np.sin(0.35) - 0.03])
+    d, state, ground = p.device, copy.deepcopy(p.state), p._forces.copy()
+    assert p.force[2] > 100.0 and p.cop[0] > 0.05
+
+    def energy(q: np.ndarray) -> float:
+        state.q[:] = q
+        p._place(state)
+        angles = np.cumsum(q)
+        x = d.anchor[0] + np.concatenate(([0.0], np.cumsum(d.lengths * np.cos(angles))))
+        z = np.concatenate(([0.0], np.cumsum(d.lengths * np.sin(angles))))
+        gap = np.interp(d.anchor[0] + d.fulcrum, x, z)
+        nodes = state.mass_x[len(d.masses):, 2]
+        return float(0.5 * np.sum(d.hinge_stiffness * q**2) + 0.5 * d.fulcrum_stiffness * gap**2
+                     + GRAVITY * np.sum(d.node_masses * nodes) - np.sum(ground * state.cell_x))
+
+    q, e = p.state.q.copy(), 1e-6
+    slopes = [(energy(q + e * row) - energy(q - e * row)) / (2 * e) for row in np.eye(len(q))]
+    assert np.max(np.abs(d.hinge_stiffness * q)) > 10.0
+    np.testing.assert_allclose(slopes, 0.0, atol=0.01)
+
+
+def test_a_fulcrum_out_of_reach_and_a_foot_elsewhere_are_refused():
+    with pytest.raises(ValueError, match="fulcrum reaches"):
+        prosthesis.Prosthesis(SUBJECT, 0.2)
+    with pytest.raises(ValueError, match="standard place"):
+        prosthesis.Prosthesis(dataclasses.replace(SUBJECT, prosthesis_toe_out_rad=0.1), 0.108)
+
+
+def test_a_path_in_the_plane_of_symmetry_gives_no_lateral_force():
+    p = virtual_foot()
+    reaction = p.walk(*roll_over(p))
+    assert reaction.unconverged == 0
+    assert 300.0 < reaction.force[:, 2].max() < 3 * WEIGHT_N
+    assert np.abs(reaction.force[:, 1]).max() < 1e-6
+    assert np.nanmax(np.abs(reaction.cop[:, 1])) < 1e-8
+    assert np.nanmax(np.abs(reaction.free_moment)) < 1e-6
+
+
+def test_ground_knows_no_direction():
+    p = virtual_foot()
+    time, R, x = roll_over(p, lateral=0.05)
+    turn, shift = Rotation.from_euler("z", 0.7).as_matrix(), np.array([3.0, -2.0, 0.0])
+    here, there = p.walk(time, R, x), p.walk(time, turn @ R, x @ turn.T + shift)
+    np.testing.assert_allclose(there.force, here.force @ turn.T, atol=0.01)
+    heavy = here.force[:, 2] > 50.0
+    np.testing.assert_allclose(there.cop[heavy], (here.cop @ turn.T + shift)[heavy], atol=1e-5)
+
+
+@pytest.mark.parametrize("fulcrum_m", [0.066, 0.151])
+def test_half_the_step_changes_the_force_by_less_than_a_five_hundredth_of_body_weight(fulcrum_m):
+    motion = roll_over(virtual_foot(), lateral=0.05)
+    coarse, fine = (virtual_foot(fulcrum_m, step_s=h).walk(*motion) for h in (5e-4, 2.5e-4))
+    assert coarse.unconverged == fine.unconverged == 0
+    assert np.abs(low_passed(coarse.force) - low_passed(fine.force)).max() < 2e-3 * WEIGHT_N
+
+
+def test_step_by_step_is_the_same_walk():
+    p = virtual_foot(step_s=1e-3)
+    time, R, x = roll_over(p)
+    time, R, x = time[:400], R[:400], x[:400]
+    whole = p.walk(time, R, x)
+    p.reset(R[0], x[0], velocity=(x[1] - x[0]) / 1e-3)
+    single = np.array([p.force] + [p.step(R[i], x[i])[0] for i in range(1, len(time))])
+    np.testing.assert_allclose(single, whole.force, atol=0.02)
+
+
+@pytest.mark.parametrize("lateral", [0.0, 0.03, -0.08])
+def test_takes_energy_from_the_walker_and_never_gives_any(lateral):
+    p = virtual_foot()
+    time, R, x = roll_over(p, lateral)
+    time, R, x = np.concatenate([time, time[-1] + 1e-3 + time]), np.concatenate([R, R[::-1]]), np.vstack([x, x[::-1]])
+    load = p.walk(time, R, x).socket_load
+    work = [work_on(p, time[:n], R[:n], x[:n], load[:n]) for n in range(10, len(time) + 1, 10)]
+    moving = 0.5 * p.mass_kg * 1.0**2  # J that the prosthesis brings along at no more than 1 m/s
+    assert min(work) > -moving
+    assert 1.0 < work[-1] < (5.0 if lateral == 0.0 else 40.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rough_treatment_is_survived(seed):
+    p, random = virtual_foot(), np.random.default_rng(seed)
+    time = np.arange(0.0, 0.6, 1e-3)
+    wave = random.normal(size=(6, 3, 1)) * np.sin(
+        2 * np.pi * random.uniform(1.0, 4.0, size=(6, 3, 1)) * time + random.uniform(0, 6, size=(6, 3, 1)))
+    turns, shifts = 0.1 * wave[:3].sum(axis=1), 0.008 * wave[3:].sum(axis=1)
+    R = Rotation.from_rotvec(turns.T).as_matrix()
+    reaction = p.walk(time, R, (R @ knee(p, 0.01)) + shifts.T)
+    assert reaction.unconverged == 0
+    assert np.isfinite(reaction.force).all()
+    assert reaction.force[:, 2].min() >= 0.0
+    assert reaction.force[:, 2].max() > WEIGHT_N
+    friction = np.linalg.norm(reaction.force[:, :2], axis=1)
+    assert (friction <= Design().sole.friction * reaction.force[:, 2] + 1e-6).all()
+
+
+def test_without_damping_and_sliding_a_slow_press_gives_its_work_back():
+    keel = dataclasses.replace(KeelDesign(), damping_time_s=0.0, fulcrum_damping_time_s=0.0)
+    socket = dataclasses.replace(
+        Design().socket, axial_damping_n_s_per_m=0.0, shear_damping_n_s_per_m=0.0, bending_damping_nm_s=0.0,
+        twist_damping_nm_s=0.0)
+    design = Design(keel=keel, sole=dataclasses.replace(Design().sole, **FIRM), socket=socket)
+    p = prosthesis.Prosthesis(SUBJECT, 0.066, design=design)
+    time = np.arange(0.0, 4.0 + 1e-9, 1e-3)
+    press = 0.06 * np.sin(np.pi * time / 4.0) ** 2
+    R = np.tile(Rotation.from_euler("y", 0.3).as_matrix(), (len(time), 1, 1))
+    x = (R[0] @ knee(p, 0.0)) + np.outer(0.04 - press, [0.0, 0.0, 1.0])
+    load = p.walk(time, R, x).socket_load
+    half = len(time) // 2
+    stored = work_on(p, time[:half], R[:half], x[:half], load[:half])
+    assert stored > 5.0
+    assert work_on(p, time, R, x, load) == pytest.approx(0.0, abs=0.02 * stored)
+
+
+def test_friction_holds_without_creep():
+    p = virtual_foot()
+    time = np.arange(0.0, 4.0, 2e-3)
+    press, push = np.clip(time / 0.4, 0, 1), np.clip((time - 0.5) / 0.4, 0, 1)
+    x = knee(p, 0.0) + np.outer(-0.015 * press, [0, 0, 1]) + np.outer(0.004 * push, [1, 0.5, 0])
+    reaction = p.walk(time, np.tile(UPRIGHT, (len(time), 1, 1)), x)
+    held = time > 1.5
+    tangential = np.linalg.norm(reaction.force[held, :2], axis=1)
+    assert 20.0 < tangential[0] < 0.5 * Design().sole.friction * reaction.force[held][0, 2]
+    assert np.ptp(tangential) < 0.01
+    assert np.ptp(reaction.cop[held], axis=0).max() < 1e-6
+    assert reaction.slip_speed[held].max() < 1e-6
+
+
+def test_a_dragged_foot_is_held_back_by_coulombs_force():
+    p = virtual_foot()
+    time = np.arange(0.0, 1.0, 1e-3)
+    x = knee(p, 0.012) + np.outer(0.2 * time, [0, 1, 0])
+    reaction = p.walk(time, np.tile(UPRIGHT, (len(time), 1, 1)), x)
+    late = time > 0.6
+    ratio = np.linalg.norm(reaction.force[:, :2], axis=1) / reaction.force[:, 2]
+    np.testing.assert_allclose(ratio[late], Design().sole.friction, rtol=1e-3)
+    np.testing.assert_allclose(reaction.slip_speed[late], 0.2, rtol=0.02)
+    assert (reaction.force[late, 1] < 0.0).all()
+
+
+def test_it_is_finer_than_the_model_and_sits_where_the_model_does():
+    p, foot = virtual_foot(), FootParameters()
+    assert len(make_keel(KeelDesign(), 0.229).lengths) >= 30
+    assert len(p.device.bodies) >= 150
+    state = device.new_state(p.device)
+    state.p[2] = -p.residual_length
+    p._place(state)
+    assert state.cell_x[:, 2].min() == pytest.approx(-p.sole_below_knee, abs=2e-5)
+    assert p.sole_below_knee == pytest.approx(p.residual_length + p.pylon_length + foot.build_height_m)
+    assert state.cell_x[:, 0].min() < -foot.pylon_x_m < state.cell_x[:, 0].max() - 0.2
+
+
+def test_shares_no_law_and_no_stepper_with_the_model():
+    folder = Path(prosthesis.__file__).parent
+    for name in ("assembly", "bench", "design", "device", "dynamics", "keel", "laws", "prosthesis", "sole", "stepping"):
+        tree = ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))
+        modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+        ours = {module for module in modules if module.startswith("vsf_drake")}
+        assert ours <= {"vsf_drake.parameters", "vsf_drake.plants.anthropometry"}, name
+
+
+# The floor: on exact kinematics the true prosthesis gives the plate, on noisy ones what the noise makes of it.
+
+
+STORED = Path(floors.__file__).resolve().parents[1] / "results" / "floor.json"
+NAMES = [f"{setting}_{i}" for setting in ("low", "medium", "high") for i in (1, 2, 3)]
+
+
+def tier(name, of):
+    return load_trial(DATA / of / f"{name}.yaml")
+
+
+@pytest.fixture(scope="module")
+def stored():
+    return json.loads(STORED.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def exact_walk():
+    trial = tier("high_1", "exact")
+    return trial, floors.virtual_walk(trial)
+
+
+def test_on_the_exact_tier_the_route_reproduces_the_plate(exact_walk):
+    trial, walk = exact_walk
+    plate, weight = trial.prosthetic_plate, trial.subject.mass_kg * GRAVITY
+    np.testing.assert_allclose(walk.time_s, plate.time_s, atol=1e-9)
+    assert np.abs(walk.grf_W - plate.force_W).max() < 1e-3 * weight
+    loaded = np.isfinite(plate.cop_W[:, 0]) & (plate.force_W[:, 2] > 50.0)
+    np.testing.assert_allclose(walk.cop_W[loaded], plate.cop_W[loaded], atol=2e-4)
+    error = floors.scores(walk, plate)
+    assert error["grf_rmse_bw"] < 1e-4 and error["cop_rmse_fl"] < 1e-3 and abs(error["stance_time_error_s"]) < 1e-4
+    assert error["unconverged_steps"] == 0
+
+
+def test_the_plates_noise_is_two_newtons_within_forty_hertz(exact_walk):
+    """White noise of 2 N at 1000 Hz through a zero-phase low-pass of 40 Hz keeps about 40 / 500 of its power."""
+    trial, walk = exact_walk
+    error = floors.scores(walk, tier("high_1", "laboratory").prosthetic_plate)
+    expected = PLATE_N * np.sqrt(40.0 / 500.0) / (trial.subject.mass_kg * GRAVITY)
+    assert error["vertical_rmse_bw"] == pytest.approx(expected, rel=0.2)
+    assert error["fore_aft_rmse_bw"] == pytest.approx(expected, rel=0.2)
+
+
+def test_a_force_too_large_by_a_share_is_an_error_of_that_share_of_the_resultant(exact_walk):
+    trial, walk = exact_walk
+    plate, weight = trial.prosthetic_plate, trial.subject.mass_kg * GRAVITY
+    more = dataclasses.replace(walk, grf_W=1.04 * plate.force_W)
+    error = floors.scores(more, plate)
+    start = np.flatnonzero(plate.force_W[:, 2] > 20.0)[[0, -1]] + [-250, 250]
+    resultant = np.linalg.norm(plate.force_W[slice(*start)], axis=1) / weight
+    assert error["grf_rmse_bw"] == pytest.approx(0.04 * np.sqrt(np.mean(resultant**2)), rel=0.01)
+    assert error["fore_aft_rmse_bw"] == pytest.approx(
+        0.04 * np.sqrt(np.mean(plate.force_W[slice(*start), 0] ** 2)) / weight, rel=0.05)
+
+
+def test_a_plate_that_is_late_leaves_the_stance_time_and_moves_its_ends(exact_walk):
+    trial, walk = exact_walk
+    plate = trial.prosthetic_plate
+    late = dataclasses.replace(plate, time_s=plate.time_s + 0.01)
+    error = floors.scores(walk, late)
+    assert error["stance_time_error_s"] == pytest.approx(0.0, abs=1e-4)
+    assert error["heel_strike_error_s"] == pytest.approx(-0.01, abs=1e-4)
+    assert error["toe_off_error_s"] == pytest.approx(-0.01, abs=1e-4)
+
+
+def test_without_the_shared_errors_each_trial_keeps_only_constants_of_its_own():
+    """Of the size that the tier draws: 0.1 degrees and 0.4 mm, nothing that changes with time."""
+    constants = []
+    for name in NAMES:
+        exact = tier(name, "exact").trajectory.ordered(COORDINATES)
+        cleaned = floors.without_shared_errors(tier(name, "laboratory"), SEED)
+        assert cleaned.names == COORDINATES
+        off = cleaned.values - exact.values
+        assert np.ptp(off, axis=0).max() < 1e-8
+        constants.append(off[0])
+    shifted = np.isin(COORDINATES, PELVIS_TRANSLATIONS)
+    assert np.std(np.array(constants)[:, shifted]) == pytest.approx(TRIAL_M, rel=0.3)
+    assert np.std(np.degrees(np.array(constants)[:, ~shifted])) == pytest.approx(TRIAL_DEG, rel=0.2)
+
+
+@pytest.mark.slow
+def test_a_height_that_was_put_in_is_found(monkeypatch):
+    """The exact kinematics 2 mm too low under the exact plate: 2 mm are found and the error is gone."""
+    trial = tier("high_1", "exact")
+    lowered = trial.trajectory.ordered(COORDINATES)
+    values = lowered.values - 2e-3 * np.isin(COORDINATES, "pelvis_ty")
+    low = dataclasses.replace(trial, trajectory=floors.CoordinateTrajectory(lowered.time_s, values, COORDINATES))
+    monkeypatch.setattr(floors, "without_shared_errors", lambda trial, seed: trial.trajectory)
+    before, error = floors.floor(low), floors.floor_with_height_fitted(low, SEED)
+    assert before["grf_rmse_bw"] > 0.03
+    assert error["height_mm"] == pytest.approx(2.0, abs=0.06)
+    assert error["grf_rmse_bw"] < 2e-3
+
+
+def test_what_has_no_floor_is_refused():
+    exact = tier("low_1", "exact")
+    with pytest.raises(ValueError, match="only trials of the laboratory tier"):
+        floors.floor_with_shared_errors_removed(exact, SEED)
+    left = dataclasses.replace(exact, subject=dataclasses.replace(exact.subject, prosthetic_side="left"))
+    moved = dataclasses.replace(exact, offsets=GeometricOffsets(height_m=1e-3))
+    for trial in (left, moved):
+        with pytest.raises(ValueError, match="the reference subject's: on the right, no offsets"):
+            floors.floor(trial)
+
+
+def test_the_stored_floor_is_of_all_trials(stored):
+    assert stored["synthetic"] is True and set(stored["trials"]) == set(NAMES)
+    assert stored["provenance"]["seed"] == SEED
+    assert len(stored["provenance"]["inputs_sha256"]) == 2 + 2 * 3 * len(NAMES)  # the subject, the model, trials
+
+
+def test_the_stored_floor_falls_as_errors_are_taken_off(stored):
+    for name, row in stored["trials"].items():
+        order = [row[kind]["grf_rmse_bw"] for kind in
+                 ("exact", "plate_noise", "height_fitted", "shared_errors_removed", "laboratory")]
+        assert order == sorted(order) and order[0] < 1e-4, name
+    errors = [row["laboratory"]["grf_rmse_bw"] for row in stored["trials"].values()]
+    assert all("rmse" in key for means in stored["mean_of_trials"].values() for key in means)
+    assert stored["mean_of_trials"]["laboratory"]["grf_rmse_bw"] == pytest.approx(np.mean(errors))
+
+
+@pytest.mark.slow
+def test_the_script_finds_the_stored_floor_again(tmp_path, stored):
+    script = STORED.parents[1] / "floor_of_the_reference_subject.py"
+    subprocess.run([sys.executable, script, "--quick", "--out", tmp_path], check=True, capture_output=True)
+    again = json.loads((tmp_path / "floor.json").read_text(encoding="utf-8"))
+    assert set(again["trials"]) == {"low_1", "medium_1", "high_1"}
+    for name, row in again["trials"].items():
+        for kind in stored["definitions"]:
+            for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl", "impulse_rmse_bws", "stance_model_s"):
+                assert row[kind][key] == pytest.approx(stored["trials"][name][kind][key], abs=5e-4), (name, kind, key)
