@@ -76,11 +76,7 @@ class BenchCurves:
 
 
 def load_bench_curves(path: str | Path) -> BenchCurves:
-    """Reads a file of load-displacement curves.
-
-    InputError names line and column of what is no number or cannot be of its unit, and the pass whose displacement
-    falls, whose load falls by more than noise, or that has too few samples, begins too late or is never loaded.
-    """
+    """Reads a file of load-displacement curves, and checks each pass."""
     path, notes = Path(path), dict[str, str]()
     lines, oddities = _samples(path, notes), dict[tuple[int, int], str]()
     number, line = next(lines, (0, ""))
@@ -102,8 +98,8 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
         surplus="Numbers need a decimal point, not a comma" if separator == "," else None)
     if not len(cells):
         raise InputError("there are no rows of numbers", file=path, right="One row a sample of each pass")
-    found = dict(zip(kinds, (cells * factors).T, strict=True))
-    position, repeat = np.round(found["fulcrum"], 9), found.get("repeat", np.ones(len(cells)))
+    columns = dict(zip(kinds, (cells * factors).T, strict=True))
+    position, repeat = np.round(columns["fulcrum"], 9), columns.get("repeat", np.ones(len(cells)))
 
     def refuse_first(wrong: np.ndarray, kind: str, what: Callable[[int], str], right: str | None = None) -> None:
         if wrong.any():
@@ -111,9 +107,11 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
             raise InputError(what(row), file=path, where=f"line {places[row]}, column {kind}", right=right)
 
     for column, kind in enumerate(kinds):
+        def no_number(row: int, column: int = column) -> str:
+            return f"{oddities.get((row, column), '')[:40]!r} is not a finite number"
+
         known = np.isfinite(cells[:, column]) | ((kind == "fulcrum") & (cells[:, column] == math.inf))
-        refuse_first(~known, kind, lambda row, column=column: (  # type: ignore[misc]
-            f"{oddities.get((row, column), '')[:40]!r} is not a finite number"))
+        refuse_first(~known, kind, no_number)
     refuse_first(np.isfinite(position) & ((position < _FULCRUM_M[0]) | (position > _FULCRUM_M[1])), "fulcrum",
                  lambda row: f"{1e3 * position[row]:g} mm is no fulcrum position",
                  "It counts from the keel's posterior end; is it in the unit of its column?")
@@ -121,8 +119,8 @@ def load_bench_curves(path: str | Path) -> BenchCurves:
                  lambda row: f"{repeat[row]:g} is no number of a pass", "Passes count from 1")
     curves = []
     for key in sorted(set(zip(position.tolist(), repeat.tolist(), strict=True))):
-        own = (position == key[0]) & (repeat == key[1])
-        curves.append(_curve(key, found["displacement"][own], found["load"][own], places[own], path))
+        rows = (position == key[0]) & (repeat == key[1])
+        curves.append(_curve(key, columns["displacement"][rows], columns["load"][rows], places[rows], path))
     word = notes.get("synthetic", "false").lower()
     if word not in ("true", "false"):
         raise InputError(f"{word!r} is neither true nor false", file=path, where="# synthetic")
@@ -249,7 +247,7 @@ def _is_number(cell: str) -> bool:
     return re.fullmatch(r"[-+]?[0-9]*[.,]?[0-9]+([eE][-+]?[0-9]+)?", cell) is not None
 
 
-# What a materials testing machine told of a foot, as a file: stiffness and displacement by fulcrum position.
+# What a materials testing machine says of a foot, as a file: stiffness and displacement by fulcrum position.
 #
 #     name: subject 3's foot
 #     synthetic: false
@@ -331,19 +329,18 @@ def load_bench_file(path: str | Path) -> BenchMeasurement:
     _check_mid_range(read, path)
     heel, heel_x, sd = (read.heel_stiffness_n_per_mm, read.heel_mid_range_displacement_mm,
                         read.displacement_uncertainty_mm)
+    displacements = [s.mid_range_displacement_mm for s in read.forefoot]
     return BenchMeasurement(
         name=read.name, synthetic=read.synthetic, fulcrum_m=tuple(s.fulcrum_mm / 1e3 for s in read.forefoot),
         stiffness_n_per_m=tuple(1e3 * s.stiffness_n_per_mm for s in read.forefoot),
         heel_stiffness_n_per_m=None if heel is None else 1e3 * heel,
         uncertainty_n_per_m=1e3 * read.stiffness_uncertainty_n_per_mm, max_load_n=read.max_load_n,
-        mid_range_m=None if sd is None else tuple(
-            s.mid_range_displacement_mm / 1e3 for s in read.forefoot),  # type: ignore[operator]
+        mid_range_m=None if sd is None else tuple(x / 1e3 for x in displacements if x is not None),
         heel_mid_range_m=None if heel_x is None else heel_x / 1e3,
         mid_range_uncertainty_m=None if sd is None else sd / 1e3)
 
 
 def _check_mid_range(read: _BenchFile, path: str | Path) -> None:
-    """Mid-range displacements are given of all settings, with their uncertainty, or of none."""
     needed = {f"forefoot[{i}].mid_range_displacement_mm": s.mid_range_displacement_mm
               for i, s in enumerate(read.forefoot)}
     needed["displacement_uncertainty_mm"] = read.displacement_uncertainty_mm

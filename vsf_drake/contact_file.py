@@ -23,7 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import yaml
 
@@ -34,7 +34,10 @@ from vsf_drake.parameters import SIDES, ModelParameters, person_coordinates
 from vsf_drake.schema import check, choice, load_yaml, quantity, to_plain
 from vsf_drake.yaml_file import Dumper
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 FORMAT = "vsf_drake contact 1"
 FEWEST_COEFFICIENTS = 4  # of a cubic spline
 PATHS = ("pelvis_tx", "pelvis_tz")  # translations of the pelvis that a fit may correct recording by recording
@@ -262,4 +265,4 @@ def model_with(model: ModelParameters, values: Mapping[str, float], *, file: str
 
 
 def _with(part: T, field: str, value: Any) -> T:
-    return replace(part, **{field: value})  # type: ignore[type-var]
+    return replace(part, **{field: value})

@@ -32,7 +32,7 @@ class InputError(VsfError):
         self.what, self.file, self.where, self.right = what, file, where, right
         message = ": ".join(str(part) for part in (file, where, what) if part is not None)
         message = f"{message}. {right}" if right else message
-        super().__init__(UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), message))
+        super().__init__(UNPRINTABLE.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), message))
 
 
 def require(holds: object, what: str, where: str, right: str | None = None) -> None:

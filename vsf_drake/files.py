@@ -28,13 +28,16 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from vsf_drake.errors import UNPRINTABLE, InputError
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 _FORMULA = re.compile(r"[=@\t\r]|[-+](?![0-9.]+(e[-+]?[0-9]+)?$)")
 _SHOWN = 60  # characters of a path that cannot be one, in messages
 _PACKAGE = Path(__file__).resolve().parent
@@ -256,9 +259,8 @@ def record(kind: type[T], values: Any, *, where: str = "") -> T:
     """
     if not isinstance(values, Mapping):
         raise ValueError(f"{where or kind.__name__} is no table")
-    hints: dict[str, Any] = _field_types(kind)  # type: ignore[arg-type] # functools.cache asks for Hashable
-    given = {}
-    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+    hints, given = _field_types(kind), {}
+    for field in dataclasses.fields(kind):
         if "flat" in field.metadata:
             rest = {name: item for name, item in values.items() if name not in hints}
             given[field.name] = _typed(hints[field.name], rest, where)
@@ -293,8 +295,9 @@ def _typed(hint: Any, value: Any, where: str) -> Any:  # noqa: PLR0911 (one retu
     elif kind in (list, tuple, Sequence) and isinstance(value, (list, tuple)):
         hints = parts if kind is tuple and parts[-1] is not Ellipsis else (parts[0] if parts else Any,) * len(value)
         if len(hints) == len(value):
-            made = [_typed(own, item, f"{where}[{i}]") for i, (own, item) in enumerate(zip(hints, value, strict=True))]
-            return made if kind is list else tuple(made)
+            items = [_typed(inner, item, f"{where}[{i}]")
+                     for i, (inner, item) in enumerate(zip(hints, value, strict=True))]
+            return items if kind is list else tuple(items)
     elif kind is float and type(value) in (int, float):
         return float(value)
     elif type(value) is kind:
@@ -314,12 +317,12 @@ def read_json(path: str | Path, *, right: str | None = None, damaged: str | None
     try:
         if sum(size * text.count(letter) for letter, size in _TAKEN.items()) > _MOST_TAKEN:
             raise ValueError("it holds too many values")
-        found = json.loads(text, parse_int=_integer, parse_constant=_integer)
-        if not isinstance(found, dict) or not _sound(found):
+        table = json.loads(text, parse_int=_integer, parse_constant=_integer)
+        if not isinstance(table, dict) or not _sound(table):
             raise ValueError("it is no table of numbers and text")
     except (ValueError, RecursionError) as error:
         raise InputError(f"cannot be read as JSON ({error})", file=path, right=damaged) from None
-    return found
+    return table
 
 
 def _integer(text: str) -> int:
@@ -374,11 +377,11 @@ def read_npz(path: str | Path, *, right: str | None = None) -> dict[str, Any]:
                     raise ValueError(f"says that it holds {total} bytes; {most} are read from a file of {size}")
                 if len({member.filename for member in members}) < len(members):
                     raise ValueError("two arrays have the same name")
-                found = {}
+                arrays = {}
                 for member in members:
                     where = member.filename
-                    found[member.filename.removesuffix(".npy")] = _read_member(archive, member)
-                return found
+                    arrays[member.filename.removesuffix(".npy")] = _read_member(archive, member)
+                return arrays
     except (ValueError, EOFError, IndexError, OverflowError, RuntimeError, struct.error, zipfile.BadZipFile,
             zlib.error) as error:  # RuntimeError, with NotImplementedError: what zipfile does not know
         raise InputError(f"cannot be read ({error})", file=path, where=where, right=right) from None
@@ -413,7 +416,7 @@ def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
         shape = tuple(int(part) for part in stated[3].split(b",") if part.strip())
         if math.prod(shape) * kind.itemsize + 10 + length != member.file_size:
             raise ValueError(f"its shape {shape} does not fit its size")
-        array = np.empty(shape, kind, order)  # type: ignore[call-overload]
+        array = np.empty(shape, kind, order)  # type: ignore[call-overload] # orders as plain text
         content, at = array.reshape(-1, order="A").view(np.uint8), 0
         while piece := stream.read(_PIECE):
             content[at : at + len(piece)] = np.frombuffer(piece, np.uint8)

@@ -105,9 +105,9 @@ def load_scenario(path: str | Path) -> Scenario:
     """Reads and checks a scenario; its paths come back absolute."""
     path = Path(path)
     scenario = load_yaml(path, Scenario)
-    found = {name: _absolute(getattr(scenario, name), path, name) for name in _PATHS}
+    paths = {name: _absolute(getattr(scenario, name), path, name) for name in _PATHS}
     feet = tuple(replace(foot, model=_absolute(foot.model, path, "feet")) for foot in scenario.feet)
-    return check_scenario(replace(scenario, feet=feet, **found), file=path)
+    return check_scenario(replace(scenario, feet=feet, **paths), file=path)
 
 
 def check_scenario(scenario: Scenario, *, file: str | Path | None = None) -> Scenario:

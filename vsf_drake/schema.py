@@ -19,14 +19,17 @@ import types
 import typing
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import yaml
 
 from vsf_drake.errors import UNPRINTABLE, InputError
 from vsf_drake.yaml_file import dump, number, read_yaml, scalar
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 _OTHER_UNITS = {"mm": {"metres": 1e3, "centimetres": 10.0},
                 "m": {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254},
@@ -106,7 +109,7 @@ def check(instance: T, *, file: str | Path | None = None, where: str = "") -> T:
 
     `where` is what stands in messages before a field's name, such as "foot.".
     """
-    for field in dataclasses.fields(instance):  # type: ignore[arg-type]
+    for field in dataclasses.fields(instance):
         value, place = getattr(instance, field.name), f"{where}{field.name}"
         value = value.tolist() if hasattr(value, "tolist") else value  # of numpy
         kind = {"float": float, "int": int, "bool": bool}.get(str(field.type))
@@ -114,7 +117,7 @@ def check(instance: T, *, file: str | Path | None = None, where: str = "") -> T:
             raise InputError(f"{value!r} is not a {_KINDS[kind]}", file=file, where=place,
                              right=f"Its unit is {field.metadata['unit']}" if "unit" in field.metadata else None)
         for inner, item in _items(value, place):
-            if dataclasses.is_dataclass(item):
+            if dataclasses.is_dataclass(item) and not isinstance(item, type):
                 check(item, file=file, where=f"{inner}.")
             else:
                 _check_scalar(item, field.metadata, inner, file)
@@ -188,7 +191,7 @@ class _Reader:
         if not isinstance(node, yaml.MappingNode):
             raise self.fail(node, path.rstrip("."), "must be a mapping of keys to values",
                             f"Its keys are: {_names(schema)}")
-        fields = {field.name: field for field in dataclasses.fields(schema)}  # type: ignore[arg-type]
+        fields = {field.name: field for field in dataclasses.fields(schema)}
         hints = typing.get_type_hints(schema)
         values: dict[str, Any] = {}
         for key, key_node, value_node in self.pairs(node, path):

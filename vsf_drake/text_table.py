@@ -62,25 +62,25 @@ def table_rows(lines: Iterator[tuple[int, str]], labels: Sequence[str], path: Pa
     """
     cells, places, cut, width, most = array("d"), array("q"), 0, len(labels), 0
     for number, line in lines:
-        found = split(line.replace('"', ""))
-        while len(found) > width and not found[-1].strip():
-            found.pop()
-        if not any(cell.strip() for cell in found):
+        row_cells = split(line.replace('"', ""))
+        while len(row_cells) > width and not row_cells[-1].strip():
+            row_cells.pop()
+        if not any(cell.strip() for cell in row_cells):
             continue
-        missing = width - len(found)
-        if cut_by and missing > 0 and len(found) > 2 and (missing % cut_by == 0 or not found[-1].strip()):
-            found += [""] * missing
+        missing = width - len(row_cells)
+        if cut_by and missing > 0 and len(row_cells) > 2 and (missing % cut_by == 0 or not row_cells[-1].strip()):
+            row_cells += [""] * missing
             cut += 1
         elif missing:
-            raise InputError(f"the row has {len(found)} cells{needs or f', there are {width} labels'}", file=path,
+            raise InputError(f"the row has {len(row_cells)} cells{needs or f', there are {width} labels'}", file=path,
                              where=f"line {number}", right="Is the file truncated?" if missing > 0 else surplus)
         try:
-            row = [float(cell) for cell in found]
+            row = [float(cell) for cell in row_cells]
         except ValueError:
             row = [_number(cell, label, path, number, strict=oddities is None)
-                   for cell, label in zip(found, labels, strict=True)]
+                   for cell, label in zip(row_cells, labels, strict=True)]
         if oddities is not None and len(oddities) < MOST_ODDITIES and not math.isfinite(sum(row)):
-            oddities |= {(len(places), k): as_label(found[k]) for k, x in enumerate(row) if not math.isfinite(x)}
+            oddities |= {(len(places), k): as_label(row_cells[k]) for k, x in enumerate(row) if not math.isfinite(x)}
         cells.extend(row)
         places.append(number)
         if cut:

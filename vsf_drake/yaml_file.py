@@ -84,7 +84,7 @@ def dump(values: Any, **layout: Any) -> str:
 class _Loader(yaml.SafeLoader):
     """Composes nodes only, and gives up where a limit is passed."""
 
-    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}  # type: ignore[misc]
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}  # type: ignore[misc] # of the instance in the stubs
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -118,7 +118,7 @@ class _Loader(yaml.SafeLoader):
     @staticmethod
     def _refuse(event: yaml.Event, wrong: object, what: str) -> None:
         if wrong:
-            raise yaml.MarkedYAMLError(problem=what, problem_mark=event.start_mark)  # type: ignore[arg-type]
+            raise yaml.MarkedYAMLError(problem=what, problem_mark=event.start_mark)  # type: ignore[arg-type] # a Mark
 
 
 for _class in (_Loader, Dumper):

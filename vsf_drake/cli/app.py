@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -16,6 +16,10 @@ from rich.text import Text
 from vsf_drake import __version__
 from vsf_drake.errors import InputError
 from vsf_drake.files import user_path
+
+if TYPE_CHECKING:
+    from vsf_drake.motion.trial_record import Trial
+    from vsf_drake.parameters import ModelParameters
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="A variable-stiffness foot prosthesis on the bench and under a walking person.")
@@ -102,7 +106,7 @@ def print_text(template: str, /, **facts: Any) -> None:
             say(line.removeprefix("\v"), "bold yellow" if line.startswith(("! ", "\v")) else "")
 
 
-def model_of(path: Path | None, contact: Path | None = None) -> Any:
+def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:
     """The model of a file, or the nominal one, with the fitted contact of another."""
     from vsf_drake.contact_file import load_contact, model_with
     from vsf_drake.files import resource
@@ -112,7 +116,7 @@ def model_of(path: Path | None, contact: Path | None = None) -> Any:
     return model if contact is None else model_with(model, load_contact(contact).values, file=contact)
 
 
-def read_trials(paths: list[Path], contact: Path | None) -> list[Any]:
+def read_trials(paths: list[Path], contact: Path | None) -> list[Trial]:
     """The trials of manifests, with the fitted contact if there is one."""
     from vsf_drake.contact_file import load_contact
     from vsf_drake.motion.fitted_trial import trial_with

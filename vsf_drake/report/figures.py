@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.typing import ColorType
 
 from vsf_drake.analysis.bench_metrics import closed_form_stiffness, displacement, published_stiffness
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
@@ -180,7 +181,7 @@ def _shade(axes: Axes, comparison: Comparison) -> None:
 
 
 def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, metrics: Agreement,
-                        colour: Any) -> None:
+                        colour: ColorType) -> None:
     """Fore-aft centre of pressure in foot lengths ahead of the plate's rearmost one in each footprint."""
     several = len(comparison.stances) > 1
     for number, item in enumerate(comparison.stances, start=1):

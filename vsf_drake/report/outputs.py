@@ -89,12 +89,12 @@ def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
     if not path.exists():
         return
     try:
-        found = read_json(path)["trials"]
+        earlier = read_json(path)["trials"]
         files = [sorted(str(Path(each).resolve()) for each in paths)
-                 for paths in ([trial.path for trial in given], [trial["file"] for trial in found])]
+                 for paths in ([trial.path for trial in given], [trial["file"] for trial in earlier])]
         hashes = [sorted(sorted(inputs.values()) for inputs in both)
-                  for both in ([trial.inputs for trial in given], [trial["inputs"] for trial in found])]
-        names = ", ".join(trial["name"] for trial in found)
+                  for both in ([trial.inputs for trial in given], [trial["inputs"] for trial in earlier])]
+        names = ", ".join(trial["name"] for trial in earlier)
     except (InputError, OSError, TypeError, KeyError, AttributeError):
         raise InputError("is not the table of a sweep", file=path, right="Choose another folder") from None
     if files[0] != files[1] and hashes[0] != hashes[1]:

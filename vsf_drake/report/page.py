@@ -39,7 +39,7 @@ def render(template: str, /, **context: Any) -> Markup:
     module and the macros of macros.html.j2.
     """
     text = _PAGES.get_template(template).render(context)
-    return Markup(_SENTENCES.sub(lambda found: " ".join(found[0].split()), text))
+    return Markup(_SENTENCES.sub(lambda match: " ".join(match[0].split()), text))
 
 
 def number(value: Any, form: str = "{}", factor: float = 1.0) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraph, Sphere
@@ -37,7 +37,10 @@ from vsf_drake.report.style import condition_label
 from vsf_drake.schema import from_plain
 from vsf_drake.simulation.results import WalkResult
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 PREDICTED: RGB = (0.90, 0.38, 0.00)
 MEASURED: RGB = (0.10, 0.25, 0.65)
@@ -227,17 +230,18 @@ def make_frames(result: WalkResult, *, plate: PlateRecording | None, rate_hz: fl
         measured=None if plate is None else _force_frames(time, plate.time_s, plate.force_W, plate.cop_W))
 
 
-def _force_frames(time: np.ndarray, own_s: np.ndarray, force_W: np.ndarray, cop_W: np.ndarray) -> ForceFrames:
-    force = resample(time, own_s, force_W)
-    if len(own_s) > 1:
-        grid = uniform_grid(own_s)
+def _force_frames(time: np.ndarray, samples_s: np.ndarray, force_W: np.ndarray, cop_W: np.ndarray) -> ForceFrames:
+    force = resample(time, samples_s, force_W)
+    if len(samples_s) > 1:
+        grid = uniform_grid(samples_s)
         rate = (len(grid) - 1) / float(grid[-1] - grid[0])
         if rate > 2.0 * FORCE_CUTOFF_HZ:
-            smooth = low_pass(resample(grid, own_s, force_W), rate_hz=rate, cutoff_hz=FORCE_CUTOFF_HZ)
+            smooth = low_pass(resample(grid, samples_s, force_W), rate_hz=rate, cutoff_hz=FORCE_CUTOFF_HZ)
             force = resample(time, grid, smooth)
-    after = np.clip(np.searchsorted(own_s, time), 1, max(len(own_s) - 1, 1))
-    nearest = np.where(time - own_s[after - 1] < own_s[np.minimum(after, len(own_s) - 1)] - time, after - 1, after)
-    cop = cop_W[np.minimum(nearest, len(own_s) - 1)]
-    inside = (time >= own_s[0] - 1e-9) & (time <= own_s[-1] + 1e-9)
+    last = len(samples_s) - 1
+    after = np.clip(np.searchsorted(samples_s, time), 1, max(last, 1))
+    nearest = np.where(time - samples_s[after - 1] < samples_s[np.minimum(after, last)] - time, after - 1, after)
+    cop = cop_W[np.minimum(nearest, last)]
+    inside = (time >= samples_s[0] - 1e-9) & (time <= samples_s[-1] + 1e-9)
     return ForceFrames(force_W=force, cop_W=cop,
                        shown=inside & (force[:, 2] > THRESHOLD_N) & np.isfinite(cop).all(axis=1))

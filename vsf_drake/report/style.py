@@ -7,7 +7,7 @@ that the order survives grey print. Nothing global changes and no display is nee
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
+from matplotlib.typing import ColorType
 
 from vsf_drake.files import replaced
 
@@ -38,7 +39,7 @@ _SETTINGS: dict[str, Any] = {
 }
 
 
-def style() -> Any:
+def style() -> AbstractContextManager[None]:
     """A context in which figures are made and drawn in this look."""
     settings: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if key != "backend"}
     return rc_context(settings | _SETTINGS)
@@ -66,7 +67,7 @@ Arrays = Mapping[str, np.ndarray]
 FULCRUM = "fulcrum from the keel's posterior end (mm)"
 
 
-def condition_colour(fulcrum_m: float | None) -> Any:
+def condition_colour(fulcrum_m: float | None) -> ColorType:
     """The colour of a fulcrum position (m from the keel's posterior end), or of the heel for None."""
     if fulcrum_m is None:
         return HEEL_COLOUR
@@ -80,7 +81,7 @@ def condition_label(fulcrum_m: float | None) -> str:
     return "heel" if fulcrum_m is None else f"fulcrum {1e3 * fulcrum_m:g} mm"
 
 
-def colour_of(fulcrum_mm: float | None) -> Any:
+def colour_of(fulcrum_mm: float | None) -> ColorType:
     """The colour of a position, or of the heel for None."""
     return condition_colour(None if fulcrum_mm is None else 1e-3 * fulcrum_mm)
 
@@ -105,7 +106,7 @@ def label(axes: Axes, *, x: str, y: str, title: str = "") -> None:
 
 def log_scale(axis: Axis, base: float = 10.0) -> None:
     """Makes an axis logarithmic, labelled in digits."""
-    set_scale = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale  # type: ignore[attr-defined]
+    set_scale = axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale  # type: ignore[attr-defined] # no stub
     set_scale("log", base=base)
     axis.set_major_formatter(_Digits(base))
     axis.set_minor_formatter(_Digits(base, labelOnlyBase=False))

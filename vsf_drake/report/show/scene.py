@@ -352,7 +352,7 @@ class Viewer:
     """Sliders and buttons of `scene` on its Meshcat; `say` is told what goes wrong while the page stays open."""
 
     def __init__(self, scene: Scene, say: Callable[[str], None]) -> None:
-        self.meshcat, self.scene, self._say, self._said = scene.meshcat, scene, say, ""
+        self.meshcat, self.scene, self._say, self._warned = scene.meshcat, scene, say, ""
         self._drawn: dict[str, float] = {}
         self._shown = dict.fromkeys(scene.frames, True)
         for button in (STOP, RESET, *map(frame_button, scene.frames)):
@@ -364,7 +364,7 @@ class Viewer:
         largest = 1.2 * LARGEST_LOAD_N * foot.load_point_m / foot.fulcrum.rearmost_m
         self.meshcat.AddSlider(RISE, 0.0, 1e3 * foot.load_point_m, 0.01, 0.0)
         self.meshcat.AddSlider(SUPPORT, -round(largest), 0.0, 1.0, 0.0)
-        self._told: dict[str, float] = {}
+        self._readings: dict[str, float] = {}
         self.poll()
 
     def values(self) -> dict[str, float]:
@@ -389,12 +389,12 @@ class Viewer:
             try:
                 shape = self.scene.draw(values)
                 for name, value in ((RISE, 1e3 * float(shape.load_point_K[1])), (SUPPORT, shape.support_force_n)):
-                    self._told[name] = self.meshcat.SetSliderValue(name, value)  # as rounded to the slider's step
+                    self._readings[name] = self.meshcat.SetSliderValue(name, value)  # as rounded to the slider's step
             except SimulationError as error:
-                if error.what != self._said:
+                if error.what != self._warned:
                     self._say(error.what)
-                self._said = error.what
-        for name, value in self._told.items():
+                self._warned = error.what
+        for name, value in self._readings.items():
             if self.meshcat.GetSliderValue(name) != value:
                 self.meshcat.SetSliderValue(name, value)
         return self.meshcat.GetButtonClicks(STOP) == 0
