@@ -9,7 +9,6 @@ import pytest
 from made_steps import STANCE_S, TIME, feet, steps
 
 from vsf_drake.motion.events import find_scuffs, find_stances, kinematic_stances, longest_run, runs, walking_direction
-from vsf_drake.motion.formats.tables import read_storage
 
 FORCE_TIME = np.arange(0.0, 2.0, 0.001)
 
@@ -83,14 +82,6 @@ def test_strike_that_the_record_ends_upon_is_a_strike(before_s):
     assert last.start_seen and not last.end_seen
 
 
-def test_real_stances(shared_data):
-    """Right foot of OpenSim's example3DWalking: two stances, both inside the force record."""
-    storage = read_storage(shared_data / "opensim_core" / "example3DWalking" / "grf_walk.mot")
-    stances = find_stances(storage.time_s, storage.column("ground_force_r_vy"))
-    assert [(round(s.start_s, 3), round(s.end_s, 3)) for s in stances] == [(0.267, 1.024), (1.411, 2.168)]
-    assert all(s.complete for s in stances)
-
-
 def test_runs_are_the_true_stretches():
     assert runs([True, False, True, True, False]) == [(0, 1), (2, 4)]
     assert runs([False, False]) == []
@@ -129,17 +120,6 @@ def test_direction_of_walking_does_not_matter(heading):
     for one, other in zip(kinematic_stances(TIME, turned, pelvis @ turn.T),
                           kinematic_stances(TIME, tracks["right"], pelvis), strict=True):
         assert (one.start_s, one.end_s) == pytest.approx((other.start_s, other.end_s), abs=1e-9)
-
-
-def test_treadmill_gives_the_same_events():
-    """The same walk seen from a laboratory in which the floor runs backward."""
-    tracks, pelvis = feet()
-    drift = np.column_stack([1.18 * TIME, 0 * TIME, 0 * TIME])
-    carried = dataclasses.replace(tracks["left"], heel_W=tracks["left"].heel_W - drift,
-                                  toe_W=tracks["left"].toe_W - drift)
-    for one, other in zip(kinematic_stances(TIME, carried, pelvis - drift, forward_W=np.array([1.0, 0.0])),
-                          kinematic_stances(TIME, tracks["left"], pelvis), strict=True):
-        assert (one.start_s, one.end_s) == pytest.approx((other.start_s, other.end_s), abs=1e-6)
 
 
 def test_person_who_stands_has_one_stance_that_never_ends():

@@ -94,24 +94,6 @@ def test_another_persons_contact_is_refused_with_both_numbers(trial, change, wor
         assert word in str(caught.value)
 
 
-def test_a_zone_that_the_model_lacks_and_offsets_beyond_reach_are_refused(trial):
-    with pytest.raises(InputError, match="no contact zones 'toe'"):
-        trial_with(trial, contact_for(values={"contact.toe.stiffness": 1e4}))
-    with pytest.raises(InputError, match="height_m"):
-        trial_with(trial, contact_for(values={"offset.height": 0.3}))
-
-
-def test_curves_need_a_whole_stance(trial):
-    plate = trial.prosthetic_plate
-    early = plate.time_s < 0.8
-    cut = replace(plate, time_s=plate.time_s[early], force_W=plate.force_W[early], cop_W=plate.cop_W[early],
-                  free_moment_nm=plate.free_moment_nm[early])
-    half = replace(trial, plates={"right": cut}, end_s=0.79)
-    with pytest.raises(InputError, match="only part of the stance"):
-        trial_with(half, contact_for())
-    assert trial_with(half, contact_for(curves=())).trajectory.names == trial.trajectory.names
-
-
 def test_fingerprint_is_of_the_recording_not_of_its_files(trial, trial_files, tmp_path):
     mark = fingerprint(trial)
     trial_files.manifest |= {"name": "another name", "prosthesis": {"fulcrum_mm": 100}}

@@ -146,15 +146,6 @@ def test_opensim_inverse_kinematics_with_simm_header(shared_data):
     assert np.abs(accelerations[:, 6:]).max() < 200.0
 
 
-def test_opensim_states_in_radians(shared_data):
-    """example3DWalking: OpenSim paths, 1 kHz, radians, knees positive, a wrong nColumns."""
-    storage = read_storage(shared_data / "opensim_core" / "example3DWalking" / "coordinates.sto")
-    trajectory, notes = read_kinematics(storage, prosthetic_side="right")
-    assert (trajectory.start_s, trajectory.end_s) == (0.45, 1.799)
-    assert trajectory.values[0, trajectory.names.index("hip_flexion_r")] == 0.3965801380677928
-    assert any("says 40 columns" in n for n in notes) and not any("turned" in n for n in notes)
-
-
 # Force plates: the world frame, which column is which foot, and the same load however it is written.
 
 
@@ -277,13 +268,3 @@ def test_wrong_mapping_is_refused(tmp_path):
     partial = storage_of(tmp_path, {name: value for name, value in columns("a").items() if name != "a_vz"})
     assert "A component that was not measured may be a column of zeros" in message(
         lambda: assign_prefixes(partial, {"right": "a"}))
-
-
-def test_centre_of_pressure_hundreds_of_metres_away_is_dropped(shared_data):
-    """example3DWalking writes positions up to 496 m while the plates are unloaded."""
-    storage = read_storage(shared_data / "opensim_core" / "example3DWalking" / "grf_walk.mot")
-    for prefix in ("ground_force_r", "ground_force_l"):
-        plate, _ = read_plate(storage, prefix, mass_kg=85.27)
-        assert np.nanmax(np.abs(plate.cop_W)) < 2.0
-        np.testing.assert_array_equal(np.isnan(plate.cop_W[:, 0]), plate.force_W[:, 2] <= 20.0)
-    assert np.nanmax(plate.cop_W[:, 1]) == pytest.approx(0.3244, abs=1e-3)

@@ -184,24 +184,6 @@ def test_real_walk(tmp_path, shared_data):
     assert np.nanmax(plate.cop_W[:, 1]) < np.nanmin(trial.plates["left"].cop_W[:, 1])
 
 
-def test_real_walk_on_a_treadmill_with_simm_header(tmp_path, shared_data):
-    """gait2354 subject01: angles without a unit, plates without sides, knees negative."""
-    core = shared_data / "opensim_core"
-    file = str(core / "gait2354" / "subject01_walk1_grf.mot")
-    forces = {"file": file, "right": "ground_force", "left": "1_ground_force"}
-    angles, unit = core / "ik_reference" / "std_subject01_walk1_ik.mot", {"kinematics_unit": "degrees"}
-    trial = load_trial(write_real(tmp_path, angles, forces, 72.6, **unit))
-    assert (trial.start_s, trial.end_s) == (0.4, pytest.approx(1.6))
-    assert any("0.618 to 1.409 s is complete" in n for n in trial.notes)
-    assert any("belt_speed_m_per_s" in note for note in trial.notes)
-    moved = load_trial(write_real(tmp_path, angles, forces, 72.6, belt_speed_m_per_s=1.0, **unit))
-    assert not any("belt_speed_m_per_s" in note for note in moved.notes)
-    x = moved.trajectory.values[:, moved.trajectory.names.index("pelvis_tx")]
-    assert x[-1] - x[0] == pytest.approx(1.0 * (moved.trajectory.end_s - moved.trajectory.start_s), abs=0.1)
-    with pytest.raises(InputError, match=r"prefixes found: ground_force, 1_ground_force\. Say it in the manifest"):
-        load_trial(write_real(tmp_path, angles, file, 72.6, **unit))
-
-
 # Markers and plates of a made person become the trial that was made, and can be written as OpenSim files.
 
 

@@ -125,18 +125,14 @@ def _fulcrums(options: IntakeOptions, walks: int) -> tuple[float, ...]:
 
 
 def _one_model(trials: list[Trial], options: IntakeOptions) -> tuple[list[Trial], list[str], bool]:
-    """The trials with the model's foot as long as the person's, where that is asked for, and notes.
-
-    Keel and thickness grow alike, so that the scaled foot is as stiff as the model's with its fulcrum at the same part
-    of its length (a choice); stated positions of the fulcrum are taken as they are.
-    """
+    """The trials with the model's foot as long as the person's, where that is asked for, and notes."""
     notes = [] if options.fulcrum_mm else say("intake", "mid_range", fulcrum_m=MID_FULCRUM_M)
     calibration = trials[0].calibration if trials else None
     if not options.scale_prosthesis or calibration is None:
         return trials, notes, False
     model = trials[0].model
     length = calibration.lengths_m[f"foot_{trials[0].subject.prosthetic_side}"]
-    ratio = length / model.foot.length_m
+    ratio = length / model.foot.length_m  # of the thickness too: as stiff with the fulcrum at the same part (a choice)
     model = dataclasses.replace(model, foot=scale_foot(model.foot, length=ratio, thickness=ratio))
     moved = [dataclasses.replace(trial, model=model, fulcrum_m=check_fulcrum(
         trial.fulcrum_m * (1.0 if options.fulcrum_mm else ratio), model.foot, where="--fulcrum-mm"))
@@ -174,8 +170,7 @@ def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -
 
 def _make_trial(files: FileSet, number: int, standing: Recording | None, marker_map: MarkerMap | None,
                 options: IntakeOptions, fulcrums_m: Sequence[float], calibration: Calibration | None) -> Trial:
-    """The trial of one walk: read, calibrated, tracked, weighed; without a standing trial, with the `calibration` of
-    another walk. Where the fulcrums of the walks differ, that of the standing trial is taken to be mid-range."""
+    """The trial of one walk: read, calibrated (or with the `calibration` of another walk), tracked, weighed."""
     walk, forces = files.walks[number], files.forces[number]
     recording = read_trial(walk, forces=forces, **options.laboratory)
     if not recording.plates:

@@ -60,10 +60,7 @@ def refined(trial: Trial, *, cutoff_hz: float | None = CUTOFF_HZ, longest_gap_s:
 
     The feet stay where their own markers show them, and the pelvis is moved so that the prosthetic ankle is there, as
     for any trial from markers. What is said of the markers' quality (residuals, motion of clusters, joints that come
-    apart) stays that of the segments' own poses, since joints that hold hide it.
-
-    Raises:
-        InputError: the trial has no markers; see `tracking.track`; a frame was not solved.
+    apart) stays that of the segments' own poses, since joints that hold hide it. Refused where a frame is not solved.
     """
     tracked, calibration, recording = trial.tracked, trial.calibration, trial.recording
     if tracked is None or calibration is None or recording is None:
@@ -131,12 +128,15 @@ class _FrameSolver:
         q, levenberg = np.clip(guess, self.low, self.high), LEVENBERG
         residual, jacobian = self._linearise(q, seen)
         for _ in range(MOST_ITERATIONS):
+            # minimise |r + J s|^2 / 2 + levenberg |s|^2 / 2 over the step s, low - q <= s <= high - q
             hessian = jacobian.T @ jacobian + levenberg * np.eye(len(q))
             self._cost.evaluator().UpdateCoefficients(hessian, jacobian.T @ residual, is_convex=True)
             self._bounds.evaluator().set_bounds(self.low - q, self.high - q)
             result = self._solver.Solve(self._program, None, None)
             if not result.is_success():
                 break
+
+            # A step that makes things worse is not taken; the next one is shorter.
             step = np.clip(q + result.GetSolution(self._step), self.low, self.high) - q
             residual_there, jacobian_there = self._linearise(q + step, seen)
             small = bool(np.abs(step).max() < SMALLEST_STEP)
@@ -186,6 +186,8 @@ class MarkerModel:
         sliding = np.zeros(len(axes), dtype=bool)
         links = self.tree.links
         sliding[links[links[:, 0] == PRISMATIC, 3]] = True
+
+        # dp/dq_j: the axis of a sliding joint, axis x (p - origin) of a turning one; zero if it does not carry p.
         turned = np.cross(axes[None], p_WM[:, None, :] - origins[None])
         columns = np.where(sliding[None, :, None], axes[None], turned) * self.tree.ancestors[self.bodies][:, :, None]
         jacobian = np.empty((len(p_WM), 3, len(axes)))
@@ -228,11 +230,7 @@ def make_marker_model(calibration: Calibration, segments: Mapping[str, SegmentMa
 
 def _add_skeleton(plant: MultibodyPlant, body: Body, prosthetic_side: str, p_ShankAnkle: np.ndarray
                   ) -> dict[str, RigidBody]:
-    """Adds the person's joints without mass, as `person.add_person` does, 24 coordinates; the bodies of `SEGMENTS`.
-
-    Only the prosthetic side differs below the knee: there the model has socket, pylon and foot, whose bending no marker
-    set resolves, and the skeleton has a shank of the measured length with an ankle at `p_ShankAnkle` (3,) m.
-    """
+    """Adds the person's joints without mass, as `person.add_person` does, 24 coordinates; the bodies of `SEGMENTS`."""
     instance = plant.AddModelInstance("skeleton")
     bodies = {name: plant.AddRigidBody(name, instance, SpatialInertia.Zero()) for name in SEGMENTS}
     steps = translations(PELVIS_TRANSLATIONS, (FORWARD, UPWARD, RIGHTWARD))
@@ -244,6 +242,7 @@ def _add_skeleton(plant: MultibodyPlant, body: Body, prosthetic_side: str, p_Sha
         thigh, shank, foot = (bodies[f"{kind}_{side}"] for kind in ("thigh", "shank", "foot"))
         hip = np.array([body.hip_forward, body.hip_lateral if mirrored else -body.hip_lateral, body.hip_up])
         knee = np.array([0.0, 0.0, -body.thigh(intact=intact)[-1]])
+        # No marker set resolves how socket, pylon and foot bend: a shank of the measured length with an ankle, instead.
         ankle = np.array([0.0, 0.0, -body.shank_length]) if intact else p_ShankAnkle
         add_chain(plant, instance, bodies["pelvis"].body_frame(), hip, thigh, rotations(names[:3], mirrored))
         add_chain(plant, instance, thigh.body_frame(), knee, shank, rotations(names[3:6], mirrored, LEFTWARD))

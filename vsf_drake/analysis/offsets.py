@@ -64,13 +64,9 @@ def fit_offsets(
     A scan of heights first finds where the vertical impulse fits, since the fit proper sees nothing
     of a foot that misses the ground.
 
-    Args:
-        walker: a person built before; made here if None.
-        progress: called with the number of simulations so far and the current cost.
-
-    Raises:
-        InputError: at no height within the bounds does the foot meet the ground as the plate says.
-        SimulationError: a run diverges, wherever the search has got to.
+    `walker` is a person built before; `progress` is called with the number of simulations so far and the current cost.
+    Refused where the foot meets the ground as the plate says at no height within the bounds; SimulationError where a
+    run diverges.
     """
     problem = OffsetProblem(walker or Walker(trial.subject, trial.model), trial, progress)
     start = np.array([_height_by_impulse(problem), 0.0, 0.0])
@@ -128,6 +124,8 @@ class OffsetProblem:
         result = self.walker.result(walk, trial, offsets, energy=False)
         c = compare(result, trial.prosthetic_plate)
         by = compare_sensitivity(c, result, walk.sensitivity)
+
+        # Forces fore-aft and vertical and the centre of pressure over their noise, the offsets over their prior.
         rows = np.flatnonzero(c.scored)[::STRIDE]
         noise_n, noise_m = trial.subject.mass_kg * GRAVITY * FORCE_NOISE_BW, trial.model.foot.length_m * COP_NOISE_FL
         values = [(c.model - c.measured)[rows][:, [0, 2]].ravel() / noise_n]
@@ -152,8 +150,7 @@ def minimise(
 
 
 def _height_by_impulse(problem: OffsetProblem) -> float:
-    """Height (m) at which the model's vertical impulse equals the plate's: bisection, the impulse falls with height. A
-    walk that diverges counts as one with the foot too deep in the ground, except at the very top."""
+    """Height (m) at which the model's vertical impulse equals the plate's: bisection, the impulse falls with height."""
     trial, plate = problem.trial, problem.trial.prosthetic_plate
     inside = (plate.time_s >= trial.start_s) & (plate.time_s <= trial.end_s)
     wanted = float(np.trapezoid(plate.force_W[inside, 2], plate.time_s[inside]))
@@ -161,7 +158,7 @@ def _height_by_impulse(problem: OffsetProblem) -> float:
     def surplus(height: float) -> float:
         try:
             walk = problem.walk(GeometricOffsets(height_m=height), SCAN_STEP_S)
-        except SimulationError:
+        except SimulationError:  # the foot is too deep in the ground, except at the very top
             if height >= BOUNDS[0]:
                 raise
             return np.inf

@@ -179,10 +179,7 @@ def _check_upward(plate: Plate, file: Path) -> None:
 
 
 def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Plate], list[str]]:
-    """The plates without those that report another's load once more, and notes on what was left out.
-
-    Of two that report the same force, the one whose centre of pressure is nearer to a foot stays.
-    """
+    """The plates without those that report another's load once more, and notes on what was left out."""
     time, left_out, notes = recording.force_time_s, list[Plate](), []
 
     def distance(plate: Plate, rows: np.ndarray) -> float:
@@ -197,7 +194,7 @@ def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Pl
         apart = np.linalg.norm(a.force_n[both] - b.force_n[both])
         if apart > SAME_FORCE * np.linalg.norm(a.force_n[both]):
             continue
-        better, worse = (b, a) if distance(a, both) > distance(b, both) else (a, b)
+        better, worse = (b, a) if distance(a, both) > distance(b, both) else (a, b)  # the nearer to a foot stays
         left_out.append(worse)
         notes += say("feet", "doubled", plates=(a.name, b.name), during=time[both][[0, -1]], dropped=worse.name,
                      kept=better.name)
@@ -336,9 +333,7 @@ def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> 
 
 
 def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
-    """(k,) whether some point of a foot's line lies within half a shoe of the plate. One beside it cannot load it,
-    however far the centre of pressure is from the other foot, whose line ends early with a marker on its metatarsals.
-    """
+    """(k,) whether some point of a foot's line lies within half a shoe of the plate: one beside it cannot load it."""
     sides = corners_m[:, :2] - corners_m[:, :2].mean(axis=0)
     wider = corners_m[:, :2] + BESIDE_M * np.sqrt(2.0) * sides / np.linalg.norm(sides, axis=1, keepdims=True)
     touches = np.zeros(len(heel), dtype=bool)
@@ -362,16 +357,13 @@ def _inside(points: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
 
 
 def _on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[_Load]) -> PlateRecording:
-    """Adds up the loads of one foot; outside them the force is zero.
-
-    Forces add; the centre of pressure is where the sum of the plates' loads has no horizontal moment,
-    x = sum(x_i F_zi) / sum(F_zi) and likewise y; the free moment is the sum of those of the plates and of the moments
-    of their shear forces about that point.
-    """
+    """Adds up the loads of one foot; outside them the force is zero."""
     own = [(plate, _within(time_s, [_with_tails(load) for load in loads if load.of is plate])) for plate in plates]
     parts = [(p, mask, mask & np.isfinite(p.cop_m[:, :2]).all(axis=1)) for p, mask in own if mask.any()]
     force, cop = np.zeros((len(time_s), 3)), np.full((len(time_s), 3), np.nan)
     moved, weights, moment = np.zeros((len(time_s), 2)), np.zeros(len(time_s)), np.zeros(len(time_s))
+
+    # Forces add; the centre of pressure is where their sum has no horizontal moment: x = sum(x_i F_zi) / sum(F_zi).
     for plate, mask, placed in parts:
         force[mask] += plate.force_n[mask]
         at = placed & (plate.force_n[:, 2] > 0.0)
@@ -385,6 +377,8 @@ def _on_one_foot(time_s: np.ndarray, plates: Sequence[Plate], loads: Sequence[_L
         for i in range(2):
             cop[loaded & ~known, i] = np.interp(time_s[loaded & ~known], time_s[known], cop[known, i])
         cop[loaded, 2] = 0.0
+
+    # The free moment: those of the plates, and r x F_shear of each about the common centre, r from there to its own.
     for plate, _, placed in parts:
         at = placed & known
         arm = plate.cop_m[at, :2] - cop[at, :2]
@@ -403,8 +397,7 @@ def _with_tails(load: _Load) -> Span:
 
 def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
                 record: Span) -> tuple[dict[str, tuple[Span, ...]], dict[int, str]]:
-    """Stances of which more than 0.12 s is on no plate, by side, as a whole: half of one cannot be compared; and doubts
-    about the loads that cover them in part, by index in `found`. `record` is where both forces and feet are known."""
+    """By side, stances of which some part is on no plate; and doubts about loads that cover them in part, by index."""
     missing: dict[str, tuple[Span, ...]] = {}
     doubts: dict[int, str] = {}
     for side in SIDES:
@@ -414,6 +407,8 @@ def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
             start, end = max(stance.start_s, record[0]), min(stance.end_s, record[1])
             covering = {i: (load.start_s, load.end_s) for i, load in enumerate(loads) if load.side == side
                         and not load.scuff and min(load.end_s, end) > max(load.start_s, start)}
+
+            # A stance with a gap of more than 0.12 s counts as a whole: half of one cannot be compared.
             gap, at = 0.0, start
             for a, b in (*sorted(covering.values()), (end, end)):
                 gap, at = max(gap, a - at), max(at, b)
@@ -422,6 +417,7 @@ def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
             ends = [(start, end), *covering.values()]
             spans.append((min(a for a, _ in ends), max(b for _, b in ends)))
             doubts |= dict.fromkeys(covering, say("feet", "part", gap_s=gap)[0])
+
         merged: list[Span] = []
         for a, b in sorted((max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans):
             if b > a and merged and a <= merged[-1][1]:

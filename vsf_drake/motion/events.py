@@ -79,6 +79,8 @@ def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s:
         raise ValueError(f"time {time_s.shape} and force {force.shape} must be (n,) both")
     if not (np.isfinite(time_s).all() and np.isfinite(force).all()):
         raise ValueError("time and force must be finite")
+
+    # Instants at which the force crosses the threshold, straight between samples, start and end by turns.
     on = force > threshold
     change = np.flatnonzero(on[1:] != on[:-1])
     fraction = (threshold - force[change]) / (force[change + 1] - force[change])
@@ -87,12 +89,14 @@ def _contacts(time_s: np.ndarray, force: np.ndarray, threshold: float, bridge_s:
         instants.insert(0, time_s[0])
     if on.size and on[-1]:
         instants.append(time_s[-1])
-    bouts: list[list[float]] = []
+
+    bouts: list[list[float]] = []  # hysteresis in time: drop-outs shorter than `bridge_s` are bridged
     for start, end in zip(instants[::2], instants[1::2], strict=True):
         if bouts and start - bouts[-1][1] < bridge_s:
             bouts[-1][1] = end
         else:
             bouts.append([start, end])
+
     contacts, most = [], FASTEST_PER_S * max(threshold, force.max(initial=0.0))
     for start, end in bouts:
         peak = float(force[(time_s >= start) & (time_s <= end)].max(initial=threshold))
@@ -184,9 +188,8 @@ def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
 
 def _with_ends(events: list[tuple[float, bool]], heel: np.ndarray, toe: np.ndarray,
                time_s: np.ndarray) -> list[tuple[float, bool]]:
-    """The same events, with a strike after the last lift or a lift before the first strike too near an end to stand
-    out: there the foot has turned back under the pelvis for as long as a coarse event can be wrong."""
-    events = list(events)
+    """The same, with a strike after the last lift or a lift before the first strike too near an end to stand out."""
+    events = list(events)  # a foot that has turned back under the pelvis for longer than an event can be wrong
     if not events[-1][1]:
         after = np.flatnonzero(time_s > events[-1][0])
         if after.size and time_s[-1] - (turn := time_s[after[np.argmax(heel[after])]]) > TURNED_S:

@@ -140,11 +140,15 @@ def gait_phase(source: Trial | Sequence[Stance]) -> Callable[[np.ndarray], np.nd
                          where="forces", right="A gait cycle needs strike and lift-off of the prosthetic foot")
     if any(later.start_s <= earlier.end_s for earlier, later in pairwise(seen)):
         raise ValueError("stances must follow each other")
+
+    # Phases at strikes and lift-offs; strikes further apart than a stride count as so many cycles.
     stride_s = np.mean([stance.duration_s for stance in seen]) / STANCE_SHARE
     cycles = np.cumsum([0, *(max(1, round((later.start_s - earlier.start_s) / stride_s))
                              for earlier, later in pairwise(seen))])
     phases = (cycles[:, None] + [0.0, STANCE_SHARE]).ravel()
     instants = np.array([(stance.start_s, stance.end_s) for stance in seen]).ravel()
+
+    # Rates there: harmonic means, at most STEEPEST times the smaller neighbour; second derivatives are zero.
     rates = STANCE_SHARE / np.array([stance.duration_s for stance in (seen[0], seen[-1])])
     mean = np.diff(phases) / np.diff(instants)
     before, after = mean[:-1], mean[1:]

@@ -101,8 +101,6 @@ def _turn_knees(storage: Storage, values: dict[str, np.ndarray]) -> list[str]:
 
 
 def _check_angles(storage: Storage, angles: dict[str, np.ndarray], labels: dict[str, str], *, degrees: bool) -> None:
-    """Refuses angles above 3.5 rad; all within 3 "degrees" and below 3.5, which is a walk in radians; or with a jump of
-    more than 0.5 rad, faster than 20 rad/s, from one instant to the next."""
     unit = np.radians(1.0) if degrees else 1.0
     for name, values in angles.items():
         row = int(np.argmax(np.abs(values)))
@@ -111,6 +109,8 @@ def _check_angles(storage: Storage, angles: dict[str, np.ndarray], labels: dict[
             raise InputError(f"an angle of {shown} is not believable", file=storage.path,
                              where=storage.place(row, labels[name]),
                              right=None if degrees else "The recording is said to be in radians: is it in degrees?")
+
+    # "Degrees" that all vary by less than 3 and stay below 3.5 are a walk in radians.
     widest = max(angles, key=lambda name: np.ptp(angles[name]))
     largest = max(np.abs(values).max() for values in angles.values())
     if degrees and np.ptp(angles[widest]) < SMALLEST_RANGE_DEG and largest < LARGEST_ANGLE_RAD:
@@ -118,6 +118,7 @@ def _check_angles(storage: Storage, angles: dict[str, np.ndarray], labels: dict[
             f"no angle varies by more than {np.ptp(angles[widest]):.3g} degrees (time {storage.time_s[0]:g} to "
             f"{storage.time_s[-1]:g} s), which is no walk", file=storage.path, where=f"column {labels[widest]}",
             right="The recording is said to be in degrees: is it in radians?")
+
     for name, values in angles.items():
         jump = np.abs(np.diff(values)) * unit
         wild = (jump > JUMP_RAD) & (jump > JUMP_RAD_PER_S * np.diff(storage.time_s))

@@ -69,12 +69,9 @@ def load_trial(path: str | Path) -> Trial:
     angles, files are in OpenSim's laboratory frame (x forward, y up, z right), in m, N, N m and the angle unit that
     their header states. Forces come back in the world frame W (x forward, y left, z up, ground z = 0); coordinates keep
     OpenSim's names and, for the pelvis, OpenSim's axes; angles are in rad, knee flexion positive.
-    Recordings are not filtered. See `vsf_drake.motion.manifest` for the keys; paths are relative to its folder.
-
-    Raises:
-        InputError: naming file, and key, column, line or time: a file is missing or damaged; a value is missing or
-            cannot be in its unit; the columns do not tell the feet; the plates contradict the mass; window, kinematics
-            and forces do not overlap, or leave less than a stance of the prosthetic foot.
+    Recordings are not filtered. See `vsf_drake.motion.manifest` for the keys; paths are relative to its folder. Refused
+    with file, and key, column, line or time, where the columns do not tell the feet, the plates contradict the mass, or
+    window, kinematics and forces share less than a stance of the prosthetic foot.
     """
     path = Path(path)
     manifest = load_manifest(path)
@@ -250,6 +247,8 @@ def reaching_pelvis(tracked: TrackedMotion, calibration: Calibration, subject: S
 def model_ankle(tracked: TrackedMotion, calibration: Calibration, subject: Subject) -> np.ndarray:
     """(n, 3) m, where the prosthetic ankle would be under the measured pelvis with the subject's lengths."""
     side = subject.prosthetic_side
+
+    # Down the chain: hip as stated, else as marked in the pelvis; knee below it; ankle as marked in the shank.
     R_W, p_WPelvis = orientations_of(tracked.values[:, [tracked.names.index(name) for name in COORDINATES]])
     outward = -1.0 if side == "right" else 1.0
     measured = calibration.segments[f"thigh_{side}"].p_PB * [1.0, outward, 1.0]

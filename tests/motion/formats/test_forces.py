@@ -200,17 +200,3 @@ def test_forces_beside_markers(tmp_path):
     assert read.force_path == force and any("from 0 to 0.49 s" in note for note in read.notes)
     late = trc(tmp_path / "late.trc", start=3.0)
     assert "must overlap in time" in message(lambda: read_trial(late, forces=force))
-
-
-def test_real_cortex_forces_show_four_contacts_of_one_person(shared_data):
-    read = read_trial(shared_data / "bmc_gait" / "walk1.trc", forces=shared_data / "bmc_gait" / "walk1.forces")
-    peaks = {p.name: p.force_n[:, 2].max() for p in read.plates}
-    assert {name for name, peak in peaks.items() if peak > 600.0} == {"3", "4", "5", "6"} and len(peaks) == 7
-    for plate in read.plates:
-        loaded = plate.force_n[:, 2] > 50.0
-        if loaded.any():
-            frame = np.searchsorted(read.marker_time_s, read.force_time_s[loaded]).clip(max=read.frames - 1)
-            feet = np.stack([read.markers[f"{side}.{name}"][frame] for side in "RL" for name in ("Heel", "MT5")])
-            near = np.linalg.norm(feet - plate.cop_m[loaded], axis=-1).min(axis=0)
-            assert np.median(near) < 0.2
-            assert plate.force_n[loaded][:20, 0].mean() < plate.force_n[loaded][-40:, 0].mean()

@@ -144,18 +144,6 @@ def test_forces_round_trip_is_exact(tmp_path, suffix):
         np.testing.assert_array_equal(found.free_moment_nm, made.free_moment_nm)
 
 
-def test_real_recording_goes_out_and_comes_back(tmp_path, shared_data):
-    walk = read_trial(shared_data / "opensim_core" / "c3d" / "walking2.c3d")
-    write_trc(tmp_path / "a.trc", walk)
-    write_forces_mot(tmp_path / "a.mot", time_s=walk.force_time_s, plates={p.name: p for p in walk.plates})
-    again = read_trial(tmp_path / "a.trc", forces=tmp_path / "a.mot")
-    for label, place in walk.markers.items():
-        np.testing.assert_array_equal(again.markers[label], place)
-    for found, made in zip(again.plates, walk.plates, strict=True):
-        np.testing.assert_array_equal(found.force_n, made.force_n)
-        np.testing.assert_array_equal(found.cop_m, made.cop_m)
-
-
 MOST = 4.0
 """Times the file's size; 32-bit numbers become 64-bit ones, which is twice."""
 LONG = 5000

@@ -104,14 +104,6 @@ def test_a_flicker_before_the_walk_is_trimmed_with_the_end_it_belongs_to():
     assert filled.start_frame == 80 and len(filled.markers["RTOE"]) == 220
 
 
-def test_markers_that_never_appear_are_done_without_where_possible():
-    without = {label: path for label, path in TRUTH.items() if label != "RTH2"}
-    for recording in (recording_of(without), walk([("RTH2", 0, 300)])):
-        filled = fill(recording)
-        assert "RTH2" not in filled.markers and "RTH2" not in filled.segments["thigh_right"].labels
-        assert "RTH2 never seen" in filled.notes[0]
-
-
 def test_segments_without_enough_markers_are_refused_by_name():
     with pytest.raises(InputError, match=r"RASI, LASI never appear.*the pelvis \(left: RPSI, LPSI\)"):
         fill(walk([("RASI", 0, 300), ("LASI", 0, 300)]))

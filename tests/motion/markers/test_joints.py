@@ -71,16 +71,6 @@ def test_the_hinge_axis_is_found_in_a_segment_mounted_at_any_angle():
     assert swept == pytest.approx(1.1, abs=1e-9)
 
 
-def test_the_hinge_axis_survives_gaps_and_skin_motion_of_two_degrees():
-    rng = np.random.default_rng(3)
-    axis = np.array([0.0, 1.0, 0.0])
-    R = turned(axis, 0.5 + 0.5 * np.sin(np.linspace(0, 12, 400)), np.eye(3))
-    R = R @ Rotation.from_rotvec(np.radians(2) * rng.normal(size=(400, 3))).as_matrix()
-    R[50:80] = np.nan
-    found, _ = hinge_axis(R)
-    assert np.degrees(np.arccos(abs(found @ axis))) < 1.0
-
-
 def test_the_pelvis_frame_lies_in_the_plane_of_its_spines():
     R, origin = pelvis_frame(np.array([0.1, -0.12, 1.0]), np.array([0.1, 0.12, 1.0]), np.array([-0.05, 0.0, 1.06]))
     assert origin == pytest.approx([0.1, 0, 1.0])
@@ -176,14 +166,6 @@ def test_left_mirrors_right():
     R = Rotation.random(50, random_state=1).as_matrix()
     for joint in ("hip", "knee", "ankle"):
         np.testing.assert_allclose(joint_angles(mirror @ R @ mirror, joint, "left"), joint_angles(R, joint, "right"))
-
-
-def test_pelvis_tilts_backward_and_lists_and_turns_as_in_opensim():
-    """OpenSim: tilt about z (right), list about x (forward), rotation about y (up), in that order; + tilt: front up."""
-    angles = random_angles()
-    R = ISB @ Rotation.from_euler("ZXY", angles).as_matrix() @ ISB.T
-    np.testing.assert_allclose(joint_angles(R, "pelvis", "right"), angles, atol=1e-9)
-    assert (about(RIGHT, 0.2) @ FORWARD)[2] > 0
 
 
 @pytest.mark.parametrize("prosthetic_side", ["right", "left"])

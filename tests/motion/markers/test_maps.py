@@ -73,15 +73,6 @@ def test_two_people_in_one_file_are_told_apart_or_refused():
     assert spelled["Ann:RASI"] == "RASI" and spelled["Bob:RASI"] == "Bob:RASI"
 
 
-def test_a_missing_role_names_what_was_there_and_what_is_like_it():
-    labels = [label for label in PIG if label != "LKNE"] + ["LKNE1"]
-    with pytest.raises(InputError) as caught:
-        load_marker_map("plug_in_gait").find(labels, "static.c3d")
-    message = str(caught.value)
-    assert "static.c3d" not in message or caught.value.file == "static.c3d"
-    assert "knee lateral left" in message and "LKNE (like LKNE1" in message and "RHEE" in message
-
-
 @pytest.mark.parametrize("text, message", [
     ("right: {asis: A, asis: B}", "twice"),
     ("right: {asi: A}", "Did you mean asis"),

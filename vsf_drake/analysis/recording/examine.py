@@ -120,8 +120,7 @@ def _measured(trial: Trial) -> dict[str, list[Stance]]:
 def _tracked(
     trial: Trial, tracked: TrackedMotion, belt_m_per_s: float
 ) -> tuple[dict[str, FootMotion], CoordinateTrajectory]:
-    """The feet as markers saw them, and the body's centre of mass with the pelvis where its own markers show it; seen
-    from the belt as the trial is."""
+    """Seen from the belt: feet, and the body's centre of mass with the pelvis, where their own markers show them."""
     shift = np.outer(belt_m_per_s * tracked.time_s, [1.0, 0.0, 0.0])
     feet = {side: FootMotion(side, tracked.time_s, heel_W=track.heel_W + shift, toe_W=track.toe_W + shift,
                              ankle_W=track.ankle_W + shift, prosthetic=side == trial.subject.prosthetic_side,

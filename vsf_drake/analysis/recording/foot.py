@@ -115,11 +115,12 @@ def turns_in_stance(foot: FootMotion, stances: Sequence[Stance], *, usual_s: flo
 def slip_velocity(foot: FootMotion, point_W: np.ndarray) -> np.ndarray:
     """(n, 2) horizontal velocity (m/s) of that part of the foot, taken as rigid, which is at `point_W` (n, 3): with the
     centre of pressure as point the slip of the sole under the load. NaN where the point is."""
+    # A rigid frame at the heel, x to the toe, y left; v_point = v_heel + R_dot p, p the point in that frame.
     x = foot.toe_W - foot.heel_W
     x = x / np.linalg.norm(x, axis=1, keepdims=True)
     y = np.cross(foot.ankle_W - foot.heel_W, x)
     y = y / np.linalg.norm(y, axis=1, keepdims=True)
-    R = np.stack([x, y, np.cross(x, y)], axis=2)  # of a frame at the heel: x to the toe, y left
+    R = np.stack([x, y, np.cross(x, y)], axis=2)
     fixed = np.einsum("nji,nj->ni", R, np.asarray(point_W) - foot.heel_W)
     R_dot, v = np.gradient(R, foot.time_s, axis=0), np.gradient(foot.heel_W, foot.time_s, axis=0)
     return np.asarray((v + np.einsum("nij,nj->ni", R_dot, fixed))[:, :2])

@@ -101,6 +101,8 @@ def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, kno
     if len(rows) < 8 or time_s[rows[-1]] - time_s[rows[0]] < LEAST_S or rate <= 2.2 * LAG_CUTOFF_HZ:
         return None
     force, motion = (low_pass(series, rate_hz=rate, cutoff_hz=LAG_CUTOFF_HZ) for series in (vertical_n, up_m_per_s2))
+
+    # The correlation of force(t) with acceleration(t - shift) for every shift that leaves most of the known time.
     steps = round(LARGEST_LAG_S * rate)
     shifts = np.arange(-steps, steps + 1)
     inside = [(rows - shift >= 0) & (rows - shift < len(motion)) for shift in shifts]
@@ -159,6 +161,9 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
     rows = known & (plate.force_W[:, 2] > STRONG_N)
     if np.count_nonzero(rows) < 10:
         return None
+
+    # F_xy / F_z against (body - centre of pressure)_xy / height: alike for a pendulum; fore-aft by slope, sideways by
+    # the quotient of medians, since a foot stays on one side of the body.
     lever = (body_W[rows, :2] - plate.cop_W[rows, :2]) / body_W[rows, 2:]
     slope = plate.force_W[rows, :2] / plate.force_W[rows, 2:]
     agreement = {}

@@ -246,6 +246,8 @@ def high_content(values: np.ndarray, rate_hz: float, above_hz: float) -> float |
     x = np.arange(len(run)) / len(run)
     series = values[run] - np.stack([np.polyval(np.polyfit(x, column, 2), x) for column in values[run].T], axis=1)
     window = np.hanning(len(run))[:, None]
+
+    # Parseval, one-sided: the mean square in the band is 2 sum |X_k|^2 / (n sum w^2).
     power = np.abs(np.fft.rfft(series * window, axis=0)) ** 2
     band = np.fft.rfftfreq(len(run), 1.0 / rate_hz) > above_hz
     return float(np.sqrt(2.0 * power[band].sum() / (len(run) * np.sum(window**2))))

@@ -189,26 +189,21 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
 
 
 def _load(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Force, point from the surface's centre and torque about it in P, each (n, 3), from the channels of a plate.
-
-    Type 1 has Fx, Fy, Fz, the centre of pressure Px, Py and the free moment Mz there, in multiples of `unit`. Types 2
-    and 4 have Fx to Mz about the sensor's origin, from which `origin` leads to the surface's centre. Type 3 has Fx12,
-    Fx34, Fy14, Fy23, Fz1 to Fz4 of sensors at (+-a, +-b) under the surface, `origin` being (a, b, depth).
-    """
+    """Force, point from the surface's centre and torque about it in P, each (n, 3), from the channels of a plate."""
     zero = np.zeros(len(raw))
-    if kind == 1:
+    if kind == 1:  # Fx, Fy, Fz, the centre of pressure Px, Py and the free moment Mz there, in multiples of `unit`
         return (raw[:, :3], np.column_stack([raw[:, 3] * unit, raw[:, 4] * unit, zero]),
                 np.column_stack([zero, zero, raw[:, 5] * unit]))
-    if kind == 3:
+    if kind == 3:  # of sensors at (+-a, +-b) under the surface; `origin` is (a, b, depth)
         a, b = abs(origin[0]), abs(origin[1])
         x12, x34, y14, y23, z1, z2, z3, z4 = raw.T
         force = np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4])
         torque = np.column_stack(
             [b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4), b * (x34 - x12) + a * (y14 - y23)])
         lead = np.array([0.0, 0.0, -abs(origin[2])])
-    else:
+    else:  # Fx to Mz about the sensor's origin, from which `origin` leads to the surface's centre
         force, torque, lead = raw[:, :3], raw[:, 3:6] * unit, -origin if origin[2] > 0.0 else origin
-    return force, np.zeros_like(force), torque - np.cross(lead, force)
+    return force, np.zeros_like(force), torque - np.cross(lead, force)  # moved: M_centre = M_origin - lead x F
 
 
 def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half: np.ndarray) -> bool:
@@ -237,9 +232,7 @@ def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
 
 
 class _C3d:
-    """A C3D file: counts of points, channels, frames (the first counts from 1) and analog samples a frame.
-
-    `stated_subframes` and `rate_hz` are what the header says.
+    """A C3D file: counts of points, channels, frames (from 1) and analog samples a frame; what its header says of them.
     """
 
     def __init__(self, path: Path) -> None:
@@ -387,8 +380,8 @@ class _C3d:
         self.first_frame = trial[0] if trial and own else max(first_frame, 1)
 
     def _subframes(self, total: int) -> int:
-        """Analog samples a frame of `total` numbers: what ANALOG:USED and the rates of ANALOG and POINT both give, else
-        the header's, else the one of the two that divides; 0 where none does."""
+        """Analog samples a frame of `total` numbers: as channels and rates agree, else the header's; 0 if none divides.
+        """
         used, fast, slow = (self.number(name) or 0.0 for name in ("ANALOG:USED", "ANALOG:RATE", "POINT:RATE"))
         by_channels = total / used if used >= 1.0 else 0.0
         by_rate = fast / (slow or self.rate_hz or np.inf)

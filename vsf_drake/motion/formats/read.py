@@ -242,10 +242,7 @@ def _check_upright(positions: np.ndarray, vertical: np.ndarray, path: Path) -> N
 
 
 def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
-    """The horizontal laboratory axis nearest to the way the markers travel; the laboratory's own if they do not.
-
-    The markers' travel is the median of their own from their first to their last place, gaps left out.
-    """
+    """The horizontal laboratory axis nearest to the way the markers travel; the laboratory's own if they do not."""
     own = np.asarray(np.eye(3)[0 if abs(vertical[0]) < 0.5 else 1])
     if trial.positions is None:
         return own

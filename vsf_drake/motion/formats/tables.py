@@ -143,7 +143,7 @@ def read_storage(path: str | Path) -> Storage:
 
 def _storage_header(lines: Iterator[tuple[int, str]], path: Path
                     ) -> tuple[bool | None, list[tuple[str, int, int]], int]:
-    """Whether angles are in degrees; "rows" or "columns", how many are stated, on which line; the line of `endheader`.
+    """Whether angles are in degrees; what ("rows" or "columns"), how many and where is stated; the line of `endheader`.
     """
     in_degrees, counts = None, list[tuple[str, int, int]]()
     for number, line in lines:

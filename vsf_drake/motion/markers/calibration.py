@@ -152,14 +152,11 @@ OVER_M = 0.05
 
 def _foot_points(side: str, segment: SegmentMarkers, posture: Posture, anatomy: Anatomy, person: PersonFacts
                  ) -> FootPoints:
-    """Heel and tip of the sole in the foot's frame, on the line from the heel marker along the foot.
-
-    The heel's rearmost point lies one marker radius and base plate ahead of the heel marker's centre.
-    """
+    """Heel and tip of the sole in the foot's frame, on the line from the heel marker along the foot."""
     places = dict(zip(segment.labels, segment.p_BM, strict=True))
     at = {role: places[label] for role in ("heel", "toe_tip", *BALL_RATIO)
           if (label := posture.labelled.roles.get(f"{role}_{side}")) in places}
-    rear = at["heel"][0] + 1e-3 * (person.marker_radius_mm + person.base_plate_mm)
+    rear = at["heel"][0] + 1e-3 * (person.marker_radius_mm + person.base_plate_mm)  # skin ahead of the marker's centre
     if "toe_tip" in at:
         length = at["toe_tip"][0] - rear
     else:
@@ -186,8 +183,11 @@ def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, 
     R_WS, p_WS = anatomy.R_W[f"shank_{side}"], anatomy.p_W[f"shank_{side}"]
     R_WF, p_WF = anatomy.R_W[f"foot_{side}"], anatomy.p_W[f"foot_{side}"]
     heel = p_WF + R_WF @ points.p_FHeel
+
+    # The prosthesis runs down the shank's axis, from the knee S to the sole's plane: (S + length down - heel) . n = 0.
     down, normal = -R_WS[..., :, 2], R_WF[..., :, 2]
     length = np.sum((heel - p_WS) * normal, axis=-1) / np.sum(down * normal, axis=-1)
+
     end = heel + R_WF @ np.array([foot.pylon_x_m, 0.0, foot.build_height_m])
     place = np.einsum("nij,ni->nj", R_WS, end - p_WS)
     angles = joint_angles(R_WS.swapaxes(-1, -2) @ R_WF, "ankle", side)
@@ -217,10 +217,7 @@ _RIGHT = "Check the labels of these markers, or the marker map"
 
 
 def _check_labels(posture: Posture, file: str | Path) -> None:
-    """Refuses exchanged labels, by medians over the frames of a walk.
-
-    Forward is from the back of the pelvis to the ASIS, up is up, left follows.
-    """
+    """Refuses exchanged labels, by medians over the frames of a walk."""
     points, labelled, needed = posture.points, posture.labelled, posture.needed
 
     def refuse(what: str, *roles: str, labels: Sequence[str] = (), right: str = _RIGHT) -> NoReturn:
@@ -234,6 +231,7 @@ def _check_labels(posture: Posture, file: str | Path) -> None:
             refuse("lie in the same place", labels=(a, b),
                    right="Each marker has one label; look for a doubled trajectory")
     _check_pelvis(posture, refuse)
+
     up = np.array([0.0, 0.0, 1.0])
     forward = facing(0.5 * (needed("asis_right") + needed("asis_left")), posture.pelvis_back())
     left = np.cross(up, forward)

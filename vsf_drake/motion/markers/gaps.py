@@ -167,11 +167,7 @@ def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray 
 
 
 def _placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int, stop: int) -> tuple[int, np.ndarray]:
-    """The first frame of a gap [start, stop) that could be filled, and (n, 3) m from there on, of a cluster's point.
-
-    p_BM (k, 3), p_WM (frames, k, 3) m. It has the offset from the others' pose that it has at the gap's edges, in the
-    segment's frame, passed linearly from one to the other; at an end of the recording, as far as they are seen.
-    """
+    """The first frame of a gap [start, stop) that could be filled, and (n, 3) m from there on, of a cluster's point."""
     frames, nothing = len(p_WM), np.empty((0, 3))
     first, last = max(start - 1, 0), min(stop + 1, frames)
     if (first, last) == (start, stop):
@@ -187,6 +183,8 @@ def _placed_by_cluster(p_BM: np.ndarray, p_WM: np.ndarray, own: int, start: int,
         first = start = last - known_frames
     elif stop == frames:
         last = stop = first + known_frames
+
+    # Its offset from the others' pose, in the segment's frame, is known at the gap's edges and passes linearly between.
     poses = rigid_poses(p_BM[others], p_WM[first:last, others])
     offset_B = np.einsum("nji,nj->ni", poses.R_WB, p_WM[first:last, own] - poses.p_WB) - p_BM[own]
     known, every = np.flatnonzero(np.isfinite(offset_B[:, 0])), np.arange(last - first)

@@ -235,10 +235,14 @@ def hinge_axis(R_relative: np.ndarray) -> tuple[np.ndarray, float]:
     R = R_relative[np.isfinite(R_relative).all(axis=(1, 2))]
     if not len(R):
         return np.full(3, np.nan), 0.0
+
+    # sum |a - R b|^2 = [a, b]^T normal [a, b], least for the eigenvector of its smallest eigenvalue, whose half a is.
     total = R.sum(axis=0)
     normal = np.block([[len(R) * np.eye(3), -total], [-total.T, len(R) * np.eye(3)]])
     a = np.linalg.eigh(normal)[1][:3, 0]
     a = a / np.linalg.norm(a)
+
+    # The angle about it: of a vector u across the axis, as the distal segment carries it.
     u = np.linalg.svd(a[None])[2][1]
     turned = R @ (R[0].T @ u)
     return a, float(np.ptp(np.unwrap(np.arctan2(turned @ np.cross(a, u), turned @ u))))

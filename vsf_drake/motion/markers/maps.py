@@ -280,8 +280,8 @@ def _score(leg: dict[str, np.ndarray], role: str, label: str) -> float:
 
 
 def _legs(recording: Recording | None, roles: Mapping[str, tuple[str, str]]) -> dict[str, dict[str, np.ndarray]]:
-    """By side, where labels lie (m), from its heel ahead along the foot, outward and up; without a side whose heel or
-    forefoot no label looks like."""
+    """By side, where labels lie (m) from its heel: ahead along the foot, outward, up; a side without a foot is missing.
+    """
     if recording is None or not recording.markers:
         return {}
     labels = [label.rsplit(":", 1)[-1] for label in recording.markers]

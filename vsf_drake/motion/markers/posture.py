@@ -112,12 +112,13 @@ def _quietest(x: np.ndarray, width: int, needed: np.ndarray, labels: list[str], 
               ) -> tuple[int, np.ndarray]:
     """First frame of the stretch in which the markers move least, and how much each does there (RMS, m)."""
     seen = np.isfinite(x).all(axis=2)
-    from_mean = np.where(seen[..., None], x - np.nan_to_num(_mean(x)[0]), 0.0)
+    from_mean = np.where(seen[..., None], x - np.nan_to_num(_mean(x)[0]), 0.0)  # small numbers: squares are subtracted
 
     def window_sum(values: np.ndarray) -> np.ndarray:
         total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
         return np.asarray(total[width:] - total[:-width])
 
+    # Variance over every window at once: E|x|^2 - |E x|^2, of sums that run along.
     count = window_sum(seen.astype(float))
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = window_sum(from_mean) / count[..., None]
@@ -150,8 +151,7 @@ def _steps(recording: Recording, labelled: FoundMarkers) -> float:
 
 
 def _foot_flat(points: dict[str, np.ndarray], labelled: FoundMarkers, side: str, recording: Recording) -> np.ndarray:
-    """Frames in which heel and forefoot are both low and neither rises nor sinks; some show pelvis and all of the leg.
-    """
+    """Frames in which heel and forefoot are low and neither rises nor sinks; some show pelvis and all of the leg."""
     heights = [points[labelled.roles[f"heel_{side}"]][:, 2],
                np.mean([points[label][:, 2] for label in forefoot_labels(labelled, side)], axis=0)]
     hz = recording.marker_rate_hz or 1.0
@@ -206,21 +206,22 @@ def settling(load_n: float, model: ModelParameters, *, fulcrum_m: float = MID_FU
 
 
 def _flat_sole_force(depth: float, foot: FootParameters, fulcrum_m: float) -> float:
-    """N on the flat sole pressed `depth` (m) into the ground.
-
-    Keel joints turn by theta and raise the keel at x by the sum of theta_j (x - x_j) over the joints behind x; their
-    moments, the fulcrum's force and those of the spheres balance (Newton's method on theta).
-    """
+    """N on the flat sole pressed `depth` (m) into the ground."""
     x, rise, k, n = (np.array(column) for column in zip(*(
         (1e-3 * x, 1e-3 * rise, zone.stiffness, zone.exponent) for zone in foot.zones
         for x, rise in zip(zone.x_mm, zone.rise_mm, strict=True)), strict=True))
     lengths = np.array(foot.keel.element_lengths_m)
     joints = np.concatenate(([0.0], np.cumsum(lengths) - 0.5 * lengths))
     bending = foot.keel.flexural_modulus_pa * section_inertia(foot.keel.width_m, foot.keel.thickness_m)
+
+    # Joints turn by theta and raise the keel at x by sum_j theta_j (x - x_j), j behind x: `at_fulcrum` of the fulcrum's
+    # spring, `lever` of the spheres; those behind the fulcrum's reach are on the rigid heel block.
     springs = np.diag(np.concatenate(([0.0], bending / lengths)))
     at_fulcrum = np.maximum(0.0, fulcrum_m - joints)
     springs += foot.fulcrum.stiffness_n_per_m * np.outer(at_fulcrum, at_fulcrum)
     lever = np.maximum(0.0, x[:, None] - joints) * (x >= foot.fulcrum.rearmost_m)[:, None]
+
+    # Newton's method on springs theta = lever^T force, force_i = k_i (depth - rise_i - (lever theta)_i)^n_i.
     theta = np.zeros(len(joints))
     for _ in range(50):
         pressed = np.maximum(0.0, depth - rise - lever @ theta)

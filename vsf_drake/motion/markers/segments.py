@@ -139,10 +139,13 @@ def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray) -> RigidPoses:
     mean_B, mean_W = w @ p_BM / total, np.einsum("nk,nki->ni", w, x) / total
     from_mean_B, from_mean_W = p_BM - mean_B[:, None, :], x - mean_W[:, None, :]
     known = (seen.sum(axis=1) >= FEWEST_MARKERS) & (_width(from_mean_B, w) > LEAST_WIDTH_M)
+
+    # G = sum_k w_k (x_k - mean x) (m_k - mean m)^T = U S V^T; R = U diag(1, 1, det(U V^T)) V^T, p = mean x - R mean m.
     U, _, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", w, from_mean_W, from_mean_B))
     U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
     R_WB = U @ Vt
     p_WB = mean_W - np.einsum("nij,nj->ni", R_WB, mean_B)
+
     R_WB[~known], p_WB[~known] = np.nan, np.nan
     residual = np.linalg.norm(p_BM @ R_WB.transpose(0, 2, 1) + p_WB[:, None, :] - p_WM, axis=2)
     return RigidPoses(R_WB=R_WB, p_WB=p_WB, residual_m=np.where(seen, residual, np.nan), known=known)
@@ -174,9 +177,9 @@ def cluster_width(p_BM: np.ndarray) -> float:
 
 
 def _width(from_mean: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """(n,) m: RMS distance of the markers seen (1, else 0) from the line through them, of (n, k, 3) about their mean.
-    """
+    """(n,) m: RMS distance of markers (n, k, 3) about their mean from the line through those seen (1, else 0)."""
     dispersion = np.einsum("nk,nki,nkj->nij", seen, from_mean, from_mean)
+    # The largest eigenvalue lies along the line; the two others are what is left across it.
     values = np.linalg.eigvalsh(dispersion / np.maximum(seen.sum(axis=1), 1)[:, None, None])
     return np.asarray(np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0)))
 

@@ -94,12 +94,11 @@ def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[s
 
 
 def _cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -> float:
-    """RMS (m) over time and markers of the departure from the rigid body that fits the walk itself, its mean shape.
-    Of markers on a line, only the variation of their distances along it counts; one alone counts as zero."""
+    """RMS (m) over time and markers of the departure from the rigid body that fits the walk itself, its mean shape."""
     p_WM = np.stack([markers[label] for label in segment.labels], axis=1)
     if len(segment.labels) < 2:
         return 0.0
-    if cluster_width(segment.p_BM) < NARROWEST_M:
+    if cluster_width(segment.p_BM) < NARROWEST_M:  # on a line, which has no pose: how distances along it vary
         distance = np.linalg.norm(p_WM - p_WM.mean(axis=1, keepdims=True), axis=2)
         return float(_rms((distance - distance.mean(axis=0)).ravel()))
     return float(_rms(rigid_poses(mean_shape(segment.p_BM, p_WM), p_WM).residual_m.ravel()))
@@ -140,8 +139,7 @@ MOST_ASTRAY = 3  # segments with markers astray beyond which it is not a marker 
 
 
 def _check_scale(filled: FilledMarkers) -> None:
-    """Refuses a walk in another unit or of another person: by the median over all pairs of markers on one segment of
-    their distance (median over time) over that at standing."""
+    """Refuses a walk in another unit or of another person, by distances on one segment over those at standing."""
     ratios = []
     for segment in filled.segments.values():
         for a, b in combinations(range(len(segment.labels)), 2):
@@ -233,12 +231,7 @@ def _check_jumps(filled: FilledMarkers) -> None:
 
 
 def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None:
-    """Refuses markers whose exchange, of one pair or of two, explains why some frames do not fit.
-
-    Each exchange is judged by what it leaves: distances of the markers from their segment's pose, and of segments from
-    their joints, since of three markers on one segment the mirror image fits by turning over. Single exchanges are
-    tried of all markers of the segments that do not fit, two at once of neighbours and partners.
-    """
+    """Refuses markers whose exchange, of one pair or of two, explains why some frames do not fit."""
     segments = filled.segments
     errors = _errors(segments, filled.markers, poses)
     apart = {name for name, error in errors.items() if error[:, 0].max() > LOST_JOINT_M}
@@ -248,6 +241,10 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     if not suspect.size:
         return
     involved |= {str(PARENTS[name]) for name in apart}
+
+    # Single exchanges of all markers of the segments that do not fit, two at once of neighbours and partners. Each is
+    # judged by what it leaves: distances from the segments' poses, and gaps in joints, since of three markers on one
+    # segment the mirror image fits by turning over.
     search = _Search(filled, suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)])
     labels = {label: name for name, segment in segments.items() if name in involved for label in segment.labels}
     singles = list(combinations(labels, 2))
