@@ -40,22 +40,6 @@ def test_force_file_beside_a_trc_is_found_by_its_name(tmp_path):
         assert files.beside == (forces,)
 
 
-def test_stated_forces_win_and_a_c3d_has_its_own(tmp_path):
-    standing, walk, beside, stated = touch(tmp_path, "static.c3d", "walk.trc", "walk.mot", "plates.mot")
-    files = gather(standing, [walk], [stated])
-    assert files.forces == (stated,)
-    assert files.beside == ()
-    [c3d] = touch(tmp_path, "walk.c3d")
-    assert gather(standing, [c3d]).forces == (None,)
-    assert beside.is_file()
-
-
-def test_walk_that_is_its_own_standing_trial_leaves_none(tmp_path):
-    [walk] = touch(tmp_path, "walk.c3d")
-    assert gather(walk, [walk]).standing is None
-    assert gather(tmp_path / "." / "walk.c3d", [walk]).standing is None
-
-
 def test_files_that_cannot_belong_together_are_refused(tmp_path):
     standing, walk, forces = touch(tmp_path, "static.c3d", "walk.c3d", "walk.mot")
     with pytest.raises(InputError, match="given twice"):

@@ -39,10 +39,6 @@ def walking_angles() -> dict[str, np.ndarray]:
     return {name: np.radians(values) for name, values in degrees.items()}
 
 
-def test_angles_of_a_person_are_not_called_zeroed():
-    assert zeroed(walking_angles(), None, FAST).mark == "good"
-
-
 def test_angles_from_which_standing_was_subtracted_are_found():
     angles = {name: values - np.radians(STANDING[name]) for name, values in walking_angles().items()}
     check = zeroed(angles, None, FAST)
@@ -78,12 +74,6 @@ def test_quiet_standing_at_zero_before_the_walk_is_found():
     for values in angles.values():
         values[:40] = np.radians(0.05)
     assert zeroed(angles, None, speed).mark == "unusable"
-
-
-def test_standing_trial_with_angles_of_its_own_is_good_and_one_of_zeros_is_not():
-    standing = {name: np.radians(value) for name, value in STANDING.items()}
-    assert zeroed(walking_angles(), standing, FAST).mark == "good"
-    assert zeroed(walking_angles(), dict.fromkeys(standing, 0.0), FAST).mark == "doubtful"
 
 
 def test_shaking_angles_are_not_smooth():
@@ -125,13 +115,6 @@ def test_worst_marker_is_named_with_its_residual():
     assert "LTIB 25.0" in check.sentence
     assert spread("residuals", {"RKNE": 0.004}).mark == "good"
     assert spread("residuals", {}) is None
-
-
-def test_other_persons_standing_trial_shows_in_joints():
-    check = spread("joint_gaps", {"knee_right": 0.04, "hip_left": 0.005})
-    assert check.mark == "unusable"
-    assert "standing trial of another person" in check.sentence
-    assert spread("cluster_motion", {"thigh_right": 0.009}).mark == "doubtful"
 
 
 def test_longest_gap_is_named():

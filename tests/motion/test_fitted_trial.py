@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -94,19 +92,6 @@ def test_another_persons_contact_is_refused_with_both_numbers(trial, change, wor
         assert word in str(caught.value)
 
 
-def test_fingerprint_is_of_the_recording_not_of_its_files(trial, trial_files, tmp_path):
-    mark = fingerprint(trial)
-    trial_files.manifest |= {"name": "another name", "prosthesis": {"fulcrum_mm": 100}}
-    trial_files.folder = tmp_path / "elsewhere"
-    trial_files.folder.mkdir()
-    assert fingerprint(load_trial(trial_files.write())) == mark
-    program = "import sys; from vsf_drake.motion.trial import load_trial; " \
-              "from vsf_drake.motion.fitted_trial import fingerprint; print(fingerprint(load_trial(sys.argv[1])))"
-    again = subprocess.run([sys.executable, "-c", program, trial_files.folder / "trial.yaml"], check=True,
-                           capture_output=True, text=True)
-    assert again.stdout.strip() == mark
-
-
 @pytest.mark.parametrize("change", ["angle", "force", "window"])
 def test_fingerprint_differs_with_what_was_recorded(trial, trial_files, change):
     if change == "angle":
@@ -116,6 +101,17 @@ def test_fingerprint_differs_with_what_was_recorded(trial, trial_files, change):
     else:
         trial_files.manifest["window"] = {"start_s": 0.1, "end_s": 1.7}
     assert fingerprint(load_trial(trial_files.write())) != fingerprint(trial)
+
+
+def test_fingerprint_is_of_the_recording_not_of_its_files(trial, trial_files, tmp_path):
+    mark = fingerprint(trial)
+    trial_files.manifest |= {"name": "another name", "prosthesis": {"fulcrum_mm": 100}}
+    trial_files.folder = tmp_path / "elsewhere"
+    trial_files.folder.mkdir()
+    assert fingerprint(load_trial(trial_files.write())) == mark
+    motion = trial.trajectory  # another processor or library may round otherwise
+    rounded = type(motion)(motion.time_s, motion.values * (1.0 + 1e-15), motion.names)
+    assert fingerprint(replace(trial, trajectory=rounded)) == mark
 
 
 STANCES = (Stance(0.3, 1.0), Stance(1.5, 2.25), Stance(2.65, 3.42))
@@ -147,12 +143,6 @@ def test_a_single_stance_makes_a_straight_line():
     times = np.linspace(-1.0, 3.0, 401)
     expected = STANCE_SHARE * (times - 0.3) / 0.7
     np.testing.assert_allclose(gait_phase(STANCES[:1])(times), expected, atol=1e-12)
-
-
-def test_before_the_first_and_after_the_last_stance_the_phase_goes_on_at_their_rates():
-    phase = gait_phase(STANCES)
-    np.testing.assert_allclose(np.diff(phase(np.array([-0.9, 0.1, 0.2]))) / [1.0, 0.1], STANCE_SHARE / 0.7)
-    np.testing.assert_allclose(np.diff(phase(np.array([3.5, 3.6, 5.0]))) / [0.1, 1.4], STANCE_SHARE / 0.77)
 
 
 @pytest.mark.parametrize("at", [events(STANCES), np.array([0.7, 1.2, 2.9])])

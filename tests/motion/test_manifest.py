@@ -58,36 +58,18 @@ def test_one_of_everything(load):
     assert to_si(manifest.offsets) == GeometricOffsets(height_m=0.002, fore_aft_m=-0.005, alignment_rad=math.pi / 20)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "wanted"),
-    [
-        ("subject: s.yaml", "", "subject: the key is missing"),
-        ("kinematics: k.mot", "", "kinematics: the key is missing. Give joint angles"),
-        ("kinematics: k.mot", "kinematics: k.mot\nmarkers: k.c3d", "joint angles and markers are both given. Keep one"),
-        ("kinematics: k.mot", "kinematics: k.trc", "kinematics: k.trc holds markers. Write `markers: k.trc`"),
-        ("kinematics: k.mot", "markers: k.mot", "markers: k.mot is no marker file. A .c3d or .trc file is needed"),
-        ("kinematics: k.mot", "kinematics: k.mot\nstanding: s.c3d", "standing: the key has no meaning for joint"),
-        ("kinematics: k.mot", "kinematics: k.mot\nlaboratory: {up: z}", "laboratory: the key has no meaning"),
-        ("kinematics: k.mot", "markers: k.trc\nkinematics_unit: degrees", "kinematics_unit: the key has no meaning"),
-        ("kinematics: k.mot\nforces: f.mot", "markers: k.trc", "forces: the key is missing. A .trc file has no forces"),
-        ("kinematics: k.mot", "markers: k.trc\nhip_centre: guess", "hip_centre: 'guess' is not known. Known are: harr"),
-        ("kinematics: k.mot", "markers: k.trc\nmarker_cutoff_hz: 0", "marker_cutoff_hz: 0 Hz is outside"),
-        ("kinematics: k.mot", "markers: k.trc\nlaboratory: {up: w}", "laboratory.up: 'w' is not known. Known are: x"),
-        ("kinematics: k.mot", "kinematic: k.mot", "line 2, kinematic: unknown key. Did you mean kinematics?"),
-        ("forces: f.mot", "", "forces: the key is missing"),
-        ("forces: f.mot", "forces:", "forces: the key is missing"),
-        ("forces: f.mot", "forces: {right: a}", "forces.file: the key is missing"),
-        ("forces: f.mot", "forces: {file: f.mot, rigth: a}", "forces.rigth: unknown key. Did you mean right?"),
-        ("{fulcrum_mm: 66}", "{fulcrum_mm: -3}", "prosthesis.fulcrum_mm: -3 mm is outside its physical range"),
-        ("{fulcrum_mm: 66}", "{fulcrum_mm: far}", "prosthesis.fulcrum_mm: 'far' is not a number"),
-        ("{fulcrum_mm: 66}", "{}", "prosthesis.fulcrum_mm: the key is missing. Its unit is mm"),
-        ("forces: f.mot", "forces: f.mot\nwindow: {start_s: 2, end_s: 1}", "window: start_s 2 and end_s 1"),
-        ("forces: f.mot", "forces: f.mot\nwindow: {start_s: .nan}", "window.start_s: nan is not a finite number"),
-        ("forces: f.mot", "forces: f.mot\nkinematics_unit: grad", "kinematics_unit: 'grad' is not known"),
-        ("forces: f.mot", "forces: f.mot\noffsets: {height_mm: 900}", "offsets.height_mm: 900 mm is outside"),
-        ("forces: f.mot", "forces: f.mot\nforces: g.mot", "line 4, forces: the key stands twice"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "wanted"), [
+    ("kinematics: k.mot", "", "kinematics: the key is missing. Give joint angles"),
+    ("kinematics: k.mot", "kinematics: k.mot\nmarkers: k.c3d", "joint angles and markers are both given. Keep one"),
+    ("kinematics: k.mot", "kinematics: k.trc", "kinematics: k.trc holds markers. Write `markers: k.trc`"),
+    ("kinematics: k.mot", "markers: k.mot", "markers: k.mot is no marker file. A .c3d or .trc file is needed"),
+    ("kinematics: k.mot", "kinematics: k.mot\nstanding: s.c3d", "standing: the key has no meaning for joint"),
+    ("kinematics: k.mot", "kinematics: k.mot\nlaboratory: {up: z}", "laboratory: the key has no meaning"),
+    ("kinematics: k.mot", "markers: k.trc\nkinematics_unit: degrees", "kinematics_unit: the key has no meaning"),
+    ("kinematics: k.mot\nforces: f.mot", "markers: k.trc", "forces: the key is missing. A .trc file has no forces"),
+    ("forces: f.mot", "", "forces: the key is missing"),
+    ("forces: f.mot", "forces: f.mot\nwindow: {start_s: 2, end_s: 1}", "window: start_s 2 and end_s 1"),
+    ("kinematics: k.mot", "kinematic: k.mot", "line 2, kinematic: unknown key. Did you mean kinematics?")])
 def test_wrong_key_or_value_is_named(load, tmp_path, old, new, wanted):
     assert old in LEAST
     with pytest.raises(InputError) as caught:
@@ -128,8 +110,7 @@ def test_subject_comes_from_its_own_file_or_from_a_manifest(tmp_path):
 
 @pytest.mark.parametrize(("text", "said"), [
     ("subject: nobody.yaml\nkinematics: a.mot\nforces: b.mot\nprosthesis: {fulcrum_mm: 66}", "no file nobody.yaml"),
-    ("subject: x.yaml\nfoo: 1", "unknown key"), ("mass_kg: 3", "outside its physical range"), ("", "is empty"),
-    ("[", "not valid YAML"), ("\x00", "YAML")])
+    ("subject: x.yaml\nfoo: 1", "unknown key"), ("mass_kg: 3", "outside its physical range"), ("[", "not valid YAML")])
 def test_what_is_neither_is_refused_by_name(tmp_path, text, said):
     path = write(tmp_path / "file.yaml", text)
     with pytest.raises(InputError, match=said) as caught:

@@ -80,15 +80,11 @@ BEGIN_S, END_S = 0.4, 1.9
 
 @pytest.mark.parametrize("count", [4, 5, 9])
 def test_splines_share_one_and_are_independent(count):
-    basis = window_bsplines(BEGIN_S, END_S, count)(np.linspace(BEGIN_S, END_S, 501))
+    basis = window_bsplines(BEGIN_S, END_S, count)(np.linspace(BEGIN_S - 1.0, END_S + 1.0, 501))
+    np.testing.assert_allclose(basis[[0, -1]], np.eye(count)[[0, -1]], atol=1e-13)
     assert basis.shape == (501, count) and basis.min() >= 0.0
     np.testing.assert_allclose(basis.sum(axis=1), 1.0, atol=1e-13)
     assert np.linalg.matrix_rank(basis) == count
-
-
-def test_outside_the_window_the_ends_go_on():
-    basis = window_bsplines(BEGIN_S, END_S, 6)(np.array([-10.0, BEGIN_S, END_S, 99.0]))
-    np.testing.assert_allclose(basis, np.eye(6)[[0, 0, 5, 5]], atol=1e-14)
 
 
 @pytest.mark.parametrize("count", [4, 9])
@@ -120,14 +116,8 @@ def gain_and_lag(frequency, cutoff, rate=RATE, order=4):
 @pytest.mark.parametrize(("cutoff", "rate"), [(6.0, 1000.0), (40.0, 1000.0), (40.0, 100.0), (10.0, 60.0)])
 @pytest.mark.parametrize("order", [2, 4, 8])
 def test_amplitude_at_the_cutoff_is_minus_3_db(cutoff, rate, order):
-    gain, _ = gain_and_lag(cutoff, cutoff, rate, order)
-    assert gain == pytest.approx(1 / np.sqrt(2), rel=1e-4)
-
-
-@pytest.mark.parametrize("frequency", [2.0, 6.0, 10.0])
-def test_there_is_no_phase_lag(frequency):
-    _, lag = gain_and_lag(frequency, 6.0)
-    assert abs(lag) < 1e-6
+    gain, lag = gain_and_lag(cutoff, cutoff, rate, order)
+    assert gain == pytest.approx(1 / np.sqrt(2), rel=1e-4) and abs(lag) < 1e-6
 
 
 def test_fourth_order_roll_off():

@@ -272,20 +272,3 @@ def test_samples_a_frame_are_those_on_which_channels_and_rates_agree(tmp_path, h
     read = read_trial(path)
     check(read, [plate])
     assert read.force_rate_hz == 1000.0 and any(f"says {header} analog samples a frame" in n for n in read.notes)
-
-
-@pytest.mark.parametrize(("used", "rate"), [(16, 1000.0), (16, 1200.0), (6, 1200.0), (7, 960.0)])
-def test_the_headers_samples_a_frame_stand_where_the_parameters_disagree(tmp_path, used, rate):
-    """60 numbers a frame in 10 samples: 16 channels do not divide them, 12 samples do but no parameter agrees."""
-    plate = load()
-    path = written(tmp_path, plate)
-    data = path.read_bytes()
-    at = data.index(b"USED", data.index(b"ANALOG"))
-    assert data[at + 6] == 2 and data[at + 8:at + 10] == (6).to_bytes(2, "little")
-    data = data[:at + 8] + used.to_bytes(2, "little") + data[at + 10:]
-    old, new = (np.float32(value).tobytes() for value in (1000.0, rate))
-    path.write_bytes(data.replace(old, new, 1))
-    read = read_trial(path)
-    check(read, [plate])
-    assert read.force_rate_hz == 1000.0
-    assert any("ANALOG:RATE" in note for note in read.notes) == (rate != 1000.0)

@@ -114,15 +114,6 @@ def test_pure_adduction_brings_the_distal_end_to_the_midline(joint, side):
 
 @BOTH
 @pytest.mark.parametrize("joint", ["hip", "knee", "ankle"])
-def test_pure_internal_rotation_turns_the_front_to_the_midline(joint, side):
-    inward = 1.0 if side == "right" else -1.0
-    R = about(UP, inward * 0.25)
-    np.testing.assert_allclose(joint_angles(R, joint, side), [0, 0, 0.25], atol=1e-12)
-    assert inward * (R @ FORWARD)[1] > 0.24
-
-
-@BOTH
-@pytest.mark.parametrize("joint", ["hip", "knee", "ankle"])
 def test_combined_turns_follow_the_isb_sequence_z_x_y(joint, side):
     """Wu et al. 2002: flexion about z, adduction about x, internal rotation about y, each in the turned frame."""
     angles = random_angles()
@@ -159,13 +150,6 @@ def test_knee_agrees_with_the_vector_formulas_of_grood_and_suntay(side):
     external = s * np.arctan2(-dot(e2, i), dot(e2, j))
     np.testing.assert_allclose(np.column_stack([flexion, adduction, -external]), angles, atol=1e-9)
     np.testing.assert_allclose(joint_angles(R_WF.transpose(0, 2, 1) @ R_WT, "knee", side), angles, atol=1e-9)
-
-
-def test_left_mirrors_right():
-    mirror = np.diag([1.0, -1.0, 1.0])
-    R = Rotation.random(50, random_state=1).as_matrix()
-    for joint in ("hip", "knee", "ankle"):
-        np.testing.assert_allclose(joint_angles(mirror @ R @ mirror, joint, "left"), joint_angles(R, joint, "right"))
 
 
 @pytest.mark.parametrize("prosthetic_side", ["right", "left"])

@@ -63,16 +63,6 @@ def test_prefix_and_letter_case_do_not_matter():
     assert tuple(found.rename(recording).markers) == PIG
 
 
-def test_two_people_in_one_file_are_told_apart_or_refused():
-    labels = [f"{person}:{label}" for person in ("Ann", "Bob") for label in PIG]
-    with pytest.raises(InputError, match=r"Ann:LASI and Bob:LASI|Ann:RASI and Bob:RASI"):
-        load_marker_map("plug_in_gait").translate(labels)
-    text = load_marker_map("plug_in_gait").path.read_text(encoding="utf-8").replace("prefix: any", 'prefix: "Ann:"')
-    own = read_map(text)
-    spelled = own.translate(labels)
-    assert spelled["Ann:RASI"] == "RASI" and spelled["Bob:RASI"] == "Bob:RASI"
-
-
 @pytest.mark.parametrize("text, message", [
     ("right: {asis: A, asis: B}", "twice"),
     ("right: {asi: A}", "Did you mean asis"),
@@ -120,21 +110,6 @@ def test_every_shipped_map_has_both_sides_alike():
                 if role.endswith("_right"):
                     mirrored = tuple("L" + label[1:] for label in labels)
                     assert places[role.replace("_right", "_left")] == mirrored, (name, role)
-
-
-def test_a_started_map_knows_epicondyles_and_metatarsal_heads_by_other_names():
-    """RLEK and RLTHI of treadmill laboratories' real-time models, LATCON and 2MTH of others."""
-    for names, roles in ((("ASIS", "PSIS", "LEK", "MEK", "LM", "MM", "HEE", "MT5", "TOE", "LTHI", "LSHA"),
-                          {"knee_lateral": "LEK", "knee_medial": "MEK", "met5": "MT5"}),
-                         (("ASIS", "PSIS", "LATCON", "MEDCON", "LATMAL", "MEDMAL", "CALC", "1MTH", "2MTH", "5MTH",
-                           "SK1"),
-                          {"knee_lateral": "LATCON", "knee_medial": "MEDCON", "met1": "1MTH", "toe": "2MTH",
-                           "met5": "5MTH"})):
-        labels = [side + name for side in "RL" for name in names]
-        found = read_map(suggest_map(labels)).find(labels)
-        for role, name in roles.items():
-            assert (found.roles[f"{role}_right"], found.roles[f"{role}_left"]) == (f"R{name}", f"L{name}")
-        assert f"L{names[-1]}" in found.segments["shank_left"]
 
 
 def ambiguous(heading, mirrored):
