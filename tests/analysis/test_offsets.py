@@ -38,12 +38,11 @@ def test_offsets_that_made_the_data_are_found_again(trial, walker):
     made = dataclasses.replace(trial, plates=trial.plates | {"right": plate})
     calls = []
     fit = fit_offsets(made, walker=walker, progress=lambda count, cost: calls.append((count, cost)))
-    assert fit.success
-    assert not fit.at_bound
+    assert fit.success and not fit.at_bound
     assert fit.cost < 0.01 * fit.cost_before
     for name in NAMES:
-        found, truth, error = (getattr(item, name) for item in (fit.offsets, TRUTH, fit.standard_error))
-        assert abs(found - truth) < 2 * error, name
+        fitted, truth, error = (getattr(item, name) for item in (fit.offsets, TRUTH, fit.standard_error))
+        assert abs(fitted - truth) < 2 * error, name
     assert calls[-1][0] <= fit.evaluations
     assert len({count for count, _ in calls}) == len(calls)
 
@@ -65,7 +64,7 @@ WIDE = np.array([5e-4, 1e-3, np.radians(0.25)])
 """Steps (m, m, rad) well above the scatter of contact events; a thousandth of them passes none."""
 
 
-@pytest.mark.parametrize("number", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in (3, 6))])
+@pytest.mark.parametrize("number", [0, pytest.param(6, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("share", [1.0, 1e-3])
 def test_exact_jacobian_leads_to_the_minimum_that_differences_lead_to(number, share):
     """Gauss-Newton from the same start. With narrow differences, which are exact but for 1e-4, the path is the same;

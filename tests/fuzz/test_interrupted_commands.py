@@ -17,7 +17,8 @@ def test_a_command_that_a_signal_ended_leaves_no_trace_in_the_next_run(tmp_path,
     usual_s = time.monotonic() - began
     for i, signal in enumerate(CODES):
         (tmp_path / signal).mkdir()
-        assert not interrupted(command, signal, 0.25 * (i + 1) * usual_s, tmp_path / signal / "out", whole)
+        assert not interrupted(command, signal, 0.25 * (i + 1) * usual_s, tmp_path / signal / "out", whole,
+                               always=False)
 
 
 def test_results_that_differ_in_more_than_times_are_told_apart(tmp_path):
