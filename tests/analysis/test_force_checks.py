@@ -276,4 +276,4 @@ def test_force_that_points_away_from_the_body_has_a_wrong_sign(signs, mark, word
     check = shear(PlateRecording(time, force, cop, 0 * time, True), body, "right")
     assert check.mark == mark and words in check.sentence and check.side == "right"
     over = np.column_stack([0 * time, 0 * time, np.full_like(time, 1.0)])
-    assert shear(PlateRecording(time, force, 0 * over, 0 * time, True), over, "left") is None, "it stands under the body"
+    assert shear(PlateRecording(time, force, 0 * over, 0 * time, True), over, "left") is None, "it is above"

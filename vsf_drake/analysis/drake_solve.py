@@ -28,7 +28,7 @@ def solved(
     """
     options.SetOption(IpoptSolver.id(), "option_file_name", "")  # else it reads ipopt.opt of the current folder
     try:
-        result = solver.Solve(program, start, options)  # type: ignore[arg-type]  # pydrake's stubs: a dtype as shape
+        result = solver.Solve(program, start, options)
     except RuntimeError as error:
         if evaluating.interrupted or KeyboardInterrupt.__name__ in str(error):
             raise KeyboardInterrupt from None

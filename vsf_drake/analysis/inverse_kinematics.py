@@ -119,8 +119,7 @@ class _FrameSolver:
         n = len(COORDINATES)
         self._program = MathematicalProgram()
         self._step = self._program.NewContinuousVariables(n, "step")
-        self._cost = self._program.AddQuadraticCost(
-            np.eye(n), np.zeros(n), self._step, is_convex=True)  # type: ignore[arg-type]  # pydrake's stubs: see above
+        self._cost = self._program.AddQuadraticCost(np.eye(n), np.zeros(n), self._step, is_convex=True)
         self._bounds = self._program.AddBoundingBoxConstraint(self.low, self.high, self._step)
         self._solver = ClarabelSolver()
 

@@ -162,7 +162,7 @@ def model_motion(
     centre, poses = np.empty((len(motion.time_s), 3)), np.empty((len(motion.time_s), len(bodies), 3, 4))
     for i, row in enumerate(motion.values):
         q[columns] = row
-        plant.SetPositions(context, q)  # type: ignore[arg-type]  # pydrake's stubs: a dtype as shape
+        plant.SetPositions(context, q)
         centre[i] = plant.CalcCenterOfMassPositionInWorld(context)
         poses[i] = [plant.EvalBodyPoseInWorld(context, plant.get_body(BodyIndex(body))).GetAsMatrix34()
                     for body in bodies]

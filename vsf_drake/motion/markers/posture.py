@@ -216,7 +216,7 @@ def _flat_sole_force(depth: float, foot: FootParameters, fulcrum_m: float) -> fl
 
     # Joints turn by theta and raise the keel at x by sum_j theta_j (x - x_j), j behind x: `at_fulcrum` of the fulcrum's
     # spring, `lever` of the spheres; those behind the fulcrum's reach are on the rigid heel block.
-    springs = np.diag(np.concatenate(([0.0], bending / lengths)))
+    springs: np.ndarray = np.diag(np.concatenate(([0.0], bending / lengths)))
     at_fulcrum = np.maximum(0.0, fulcrum_m - joints)
     springs += foot.fulcrum.stiffness_n_per_m * np.outer(at_fulcrum, at_fulcrum)
     lever = np.maximum(0.0, x[:, None] - joints) * (x >= foot.fulcrum.rearmost_m)[:, None]
