@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from made_feet import foot_to_wire
 from pydrake.geometry import Box, SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, CoulombFriction, MultibodyPlant
@@ -99,39 +98,27 @@ def test_point_contact_is_the_hunt_crossley_law_of_the_same_foot(point):
         drake, law = point.reads(), ours.reads()
         np.testing.assert_allclose(drake["grf"][2], law["grf"][2], rtol=1e-5)
         assert law["grf"][2] > 50.0
-
-
-def test_centre_of_pressure_under_drakes_contact_is_that_of_the_same_forces(point):
-    """At rest, where there is no friction to act at different heights."""
-    ours = stand("kelvin_voigt")
-    for each in (point, ours):
+    for each in (point, ours):  # at rest, where there is no friction to act at different heights
         each.place((0.3, 0.1, -0.004), (0.02, 0.1, 0.3))
-    drake, law = point.reads(), ours.reads()
-    np.testing.assert_allclose(drake["cop"], law["cop"], atol=1e-6)
-    np.testing.assert_allclose(drake["free_moment"], 0.0, atol=1e-9)
+    np.testing.assert_allclose(point.reads()["cop"], ours.reads()["cop"], atol=1e-6)
+    np.testing.assert_allclose(point.reads()["free_moment"], 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("depth", [1e-3, 6e-3, 0.015])
-def test_flat_pads_bear_the_sum_of_the_zones_stiffness_times_depth(pads, depth):
+def test_flat_pads_bear_the_sum_of_the_zones_stiffness_times_depth_and_are_damped_after_hunt_and_crossley(pads):
     """But for the rim of each, over which the pressure falls: at most 2 rim / width, wide in proportion to depth."""
-    pads.place((0.0, 0.0, -depth))
-    read = pads.reads()
-    lost = 1.0 - read["grf"][2] / (depth * np.sum(pads.foot.sites.stiffness))
-    rim = RIM_M * depth / (PAD_THICKNESS_M - RIM_M)
-    assert 0.0 <= lost <= 2.0 * rim / pad_widths(pads.foot.sites).min() < 0.003
+    _, dissipation = point_law(pads.foot.sites)
+    assert np.ptp(dissipation) < 1e-9 * dissipation[0]
+    for depth in (1e-3, 6e-3, 0.015):
+        pads.place((0.0, 0.0, -depth))
+        read = pads.reads()
+        lost = 1.0 - read["grf"][2] / (depth * np.sum(pads.foot.sites.stiffness))
+        rim = RIM_M * depth / (PAD_THICKNESS_M - RIM_M)
+        assert 0.0 <= lost <= 2.0 * rim / pad_widths(pads.foot.sites).min() < 0.003
+        pads.place((0.0, 0.0, -depth), velocity=(0.0, 0.0, -0.1))
+        np.testing.assert_allclose(pads.reads()["grf"][2], read["grf"][2] * (1.0 + 0.1 * dissipation[0]), rtol=1e-6)
     x = [x for zone in FOOT.zones for x in zone.x_mm]
     k = [zone.stiffness for zone in FOOT.zones for _ in zone.x_mm]
     np.testing.assert_allclose(read["cop"], [1e-3 * np.dot(k, x) / np.sum(k), 0.0, 0.0], atol=1e-4)
-
-
-def test_damping_of_pads_is_that_of_hunt_and_crossley(pads):
-    depth, rate = 5e-3, 0.1
-    pads.place((0.0, 0.0, -depth))
-    still = pads.reads()["grf"][2]
-    pads.place((0.0, 0.0, -depth), velocity=(0.0, 0.0, -rate))
-    _, dissipation = point_law(pads.foot.sites)
-    assert np.ptp(dissipation) < 1e-9 * dissipation[0]
-    np.testing.assert_allclose(pads.reads()["grf"][2], still * (1.0 + dissipation[0] * rate), rtol=1e-6)
 
 
 @pytest.mark.parametrize("contact", ["drake_point", "hydroelastic"])
@@ -155,21 +142,17 @@ def test_force_stands_on_a_sloping_patch_as_our_law_has_it():
     assert law[0] < -10.0 < 10.0 < law[2]
 
 
-def test_steps_and_bounds_are_where_the_patches_have_them():
+def test_steps_and_bounds_are_where_the_patches_have_them_and_a_soft_one_gives_in_series_with_each_sphere():
     ground = Ground(patches=(GroundPatch(to_x_m=0.5), GroundPatch(name="step", from_x_m=0.5, height_m=0.1)))
     made = stand("drake_point", ground)
     made.place((0.6, 0.0, 0.101))
     assert made.reads()["grf"][2] == 0.0
     made.place((0.6, 0.0, 0.098))
     np.testing.assert_allclose(made.reads()["grf"][2], 2e-3 * np.sum(made.foot.sites.stiffness), rtol=1e-5)
-
-
-def test_compliant_patch_gives_in_series_with_each_sphere():
-    k = 2e4
-    made = stand("drake_point", Ground(patches=(GroundPatch(stiffness_n_per_m=k),)))
-    made.place((0.0, 0.0, -0.004))
-    own = made.foot.sites.stiffness
-    np.testing.assert_allclose(made.reads()["grf"][2], 0.004 * np.sum(own * k / (own + k)), rtol=1e-9)
+    soft = stand("drake_point", Ground(patches=(GroundPatch(stiffness_n_per_m=2e4),)))
+    soft.place((0.0, 0.0, -0.004))
+    own = soft.foot.sites.stiffness
+    np.testing.assert_allclose(soft.reads()["grf"][2], 0.004 * np.sum(own * 2e4 / (own + 2e4)), rtol=1e-9)
 
 
 def test_secant_of_a_hardening_zone_bears_the_reference_load_at_the_same_depth():
@@ -234,28 +217,6 @@ def plant_with_graph():
     return AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)[0]
 
 
-def test_contact_of_drakes_without_a_scene_graph_is_refused():
-    plant = MultibodyPlant(0.0)
-    with pytest.raises(InputError, match=r"no SceneGraph.*AddMultibodyPlantSceneGraph"):
-        add_foot(plant, plant.world_frame(), FOOT, contact="drake_point")
-    with pytest.raises(InputError, match="no SceneGraph"):
-        add_ground_geometry(plant)
-
-
-def test_pads_in_a_plant_of_points_are_refused():
-    plant = plant_with_graph()
-    plant.set_contact_model(ContactModel.kPoint)
-    with pytest.raises(InputError, match=r"kPoint.*drake_point"):
-        add_foot(plant, plant.world_frame(), FOOT, contact="hydroelastic")
-
-
-def test_ground_after_finalize_is_refused():
-    plant = plant_with_graph()
-    plant.Finalize()
-    with pytest.raises(InputError, match=r"finalized.*before plant.Finalize\(\)"):
-        add_ground_geometry(plant)
-
-
 @pytest.mark.parametrize(("patches", "contact", "where"), [
     ((GroundPatch(), GroundPatch(from_x_m=1.0)), "drake_point", r"patches\[1\]"),
     ((GroundPatch(stiffness_n_per_m=1e4),), "hydroelastic", "stiffness_n_per_m"),
@@ -267,17 +228,23 @@ def test_ground_that_drakes_contact_cannot_have_is_refused(patches, contact, whe
         add_ground_geometry(plant_with_graph(), Ground(patches=patches), foot=foot, contact=contact)
 
 
-def test_geometry_for_a_contact_that_is_not_drakes_is_refused():
-    with pytest.raises(InputError, match=r"kelvin_voigt.*drake_point, hydroelastic"):
-        add_ground_geometry(plant_with_graph(), contact="kelvin_voigt")
-
-
-@pytest.mark.parametrize("second", [None, Ground(patches=(GroundPatch(name="ice", height_m=0.01, mu_static=0.1),))])
-def test_a_second_ground_is_refused_be_it_the_same_or_another(second):
-    plant = plant_with_graph()
+def test_a_plant_that_takes_no_geometry_and_a_contact_that_makes_none_are_refused():
+    bare, points, plant = MultibodyPlant(0.0), plant_with_graph(), plant_with_graph()
+    points.set_contact_model(ContactModel.kPoint)
     add_ground_geometry(plant)
-    with pytest.raises(InputError, match=r"has a ground already.*once for all feet"):
-        add_ground_geometry(plant, second)
+    finalized = plant_with_graph()
+    finalized.Finalize()
+    ice = Ground(patches=(GroundPatch(name="ice", height_m=0.01, mu_static=0.1),))
+    for message, function, arguments, contact in (
+            (r"no SceneGraph.*AddMultibodyPlantSceneGraph", add_foot, (bare, bare.world_frame(), FOOT), "drake_point"),
+            ("no SceneGraph", add_ground_geometry, (bare,), "drake_point"),
+            (r"kPoint.*drake_point", add_foot, (points, points.world_frame(), FOOT), "hydroelastic"),
+            (r"finalized.*before plant.Finalize\(\)", add_ground_geometry, (finalized,), "drake_point"),
+            (r"kelvin_voigt.*drake_point, hydroelastic", add_ground_geometry, (points,), "kelvin_voigt"),
+            ("has a ground already.*once for all feet", add_ground_geometry, (plant,), "drake_point"),
+            ("has a ground already.*once for all feet", add_ground_geometry, (plant, ice), "drake_point")):
+        with pytest.raises(InputError, match=message):
+            function(*arguments, contact=contact)
 
 
 @pytest.mark.parametrize("time_step", [0.0, 1e-3])
@@ -293,21 +260,8 @@ def test_a_foot_that_would_fall_through_is_refused_unless_its_ground_is_the_user
     before = builder.connection_map()
     with pytest.raises(InputError, match=r"fall through.*add_ground_geometry\(plant, ground\).*own_ground=True"):
         wire_foot(builder, plant, foot)
+    with pytest.raises(InputError, match="add_ground_geometry"):
+        wire_foot(builder, plant, foot, ground=Ground())
     assert builder.connection_map() == before
     wire_foot(builder, plant, foot, own_ground=True)
     builder.Build()
-
-
-def test_own_ground_is_nothing_for_a_law_that_meets_patches():
-    builder, plant, foot = foot_to_wire()
-    with pytest.raises(InputError, match=r"own_ground: contact kelvin_voigt meets no geometry.*drake_point"):
-        wire_foot(builder, plant, foot, own_ground=True)
-
-
-def test_ground_given_to_wire_foot_is_refused_under_drakes_contact():
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
-    foot = add_foot(plant, plant.world_frame(), FOOT, contact="drake_point")
-    plant.Finalize()
-    with pytest.raises(InputError, match="add_ground_geometry"):
-        wire_foot(builder, plant, foot, ground=Ground())

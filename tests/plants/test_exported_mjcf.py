@@ -11,7 +11,6 @@ from pydrake.geometry import Box, Role
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot
@@ -52,43 +51,33 @@ def posed(request):
     return model, data, plant, context, names
 
 
-def test_frames_are_where_drake_has_them(posed):
-    _, data, plant, context, names = posed
-    for name in ("vsf_frame", "vsf_carriage", *(f"keel_body_{i}" for i in range(len(names) - 1))):
-        X_WB = plant.GetBodyByName(name).EvalPoseInWorld(context)
-        found = data.body(name)
-        np.testing.assert_allclose(found.xpos, X_WB.translation(), atol=1e-11, err_msg=name)
-        np.testing.assert_allclose(found.xmat.reshape(3, 3), X_WB.rotation().matrix(), atol=1e-11, err_msg=name)
-    np.testing.assert_allclose(data.site("vsf_mount").xpos, 0.0, atol=1e-11)
+def matrix(quaternion):
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, quaternion)
+    return R.reshape(3, 3)
 
 
-def test_masses_and_inertias_are_those_of_drake(posed):
-    """Body by body the mass and its centre; and as the joints feel all of it together."""
+def test_frames_masses_and_inertias_are_those_of_drake(posed):
+    """Body by body, also the frame's moments, which no joint of this file feels; and as the joints feel all of it."""
     model, data, plant, context, names = posed
     for i in plant.GetBodyIndices(plant.GetModelInstanceByName("vsf")):
         body = plant.get_body(i)
-        inertia = body.default_spatial_inertia()
-        assert model.body(body.name()).mass[0] == pytest.approx(inertia.get_mass(), rel=1e-11)
-        np.testing.assert_allclose(model.body(body.name()).ipos, inertia.get_com(), atol=1e-12)
+        X_WB, inertia = body.EvalPoseInWorld(context), body.default_spatial_inertia()
+        placed, known = data.body(body.name()), model.body(body.name())
+        np.testing.assert_allclose(placed.xpos, X_WB.translation(), atol=1e-11, err_msg=body.name())
+        np.testing.assert_allclose(placed.xmat.reshape(3, 3), X_WB.rotation().matrix(), atol=1e-11)
+        assert known.mass[0] == pytest.approx(inertia.get_mass(), rel=1e-11)
+        np.testing.assert_allclose(known.ipos, inertia.get_com(), atol=1e-12)
+        moments = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+        R = matrix(known.iquat)
+        np.testing.assert_allclose(R @ np.diag(known.inertia) @ R.T, moments, atol=1e-14)
+    np.testing.assert_allclose(data.site("vsf_mount").xpos, 0.0, atol=1e-11)
     full = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, full)
     at = [model.joint(name).dofadr[0] for name in names]
     order = [plant.GetJointByName(name).velocity_start() for name in names]
     known = plant.CalcMassMatrix(context)[np.ix_(order, order)]
     np.testing.assert_allclose(full[np.ix_(at, at)], known, rtol=1e-8, atol=1e-12)
-
-
-def test_frame_has_the_moments_of_inertia_of_drake():
-    """It moves with no joint of this file, so the mass matrix does not show them."""
-    plant = MultibodyPlant(0.0)
-    handles = add_foot(plant, plant.world_frame(), NOMINAL)
-    inertia = handles.frame.default_spatial_inertia()
-    moments = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
-    frame = compiled(NOMINAL, 0.108).body("vsf_frame")
-    R = np.zeros(9)
-    mujoco.mju_quat2Mat(R, frame.iquat)
-    R = R.reshape(3, 3)
-    np.testing.assert_allclose(R @ np.diag(frame.inertia) @ R.T, moments, atol=1e-14)
 
 
 def test_drawings_are_where_drake_has_them():
@@ -100,10 +89,8 @@ def test_drawings_are_where_drake_has_them():
     for i in drawn:
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(i)).name()
         geom, X_BG = model.geom(f"{body}_{inspector.GetName(i).split('::')[-1]}"), inspector.GetPoseInFrame(i)
-        R = np.zeros(9)
-        mujoco.mju_quat2Mat(R, geom.quat)
         np.testing.assert_allclose(geom.pos, X_BG.translation(), atol=1e-11)
-        np.testing.assert_allclose(R.reshape(3, 3), X_BG.rotation().matrix(), atol=1e-11)
+        np.testing.assert_allclose(matrix(geom.quat), X_BG.rotation().matrix(), atol=1e-11)
         shape = inspector.GetShape(i)
         if isinstance(shape, Box):
             np.testing.assert_allclose(2.0 * geom.size, shape.size(), rtol=1e-11)
@@ -112,32 +99,37 @@ def test_drawings_are_where_drake_has_them():
     assert np.count_nonzero(model.geom_group == 2) == len(drawn) == 9 + 1 + 2 + 24
 
 
-def test_keel_is_damped_in_proportion_to_its_stiffness():
+def test_dampers_foam_and_servo_have_their_numbers():
     model = compiled(NOMINAL, 0.108)
-    names, _ = keel_names(NOMINAL)
-    stiffness = np.array([np.ravel(model.joint(name).stiffness)[0] for name in names])
-    damping = np.array([np.ravel(model.joint(name).damping)[0] for name in names])
+    joints = [model.joint(name) for name in keel_names(NOMINAL)[0]]
+    stiffness, damping = (np.array([np.ravel(getattr(joint, name))[0] for joint in joints])
+                          for name in ("stiffness", "damping"))
     assert stiffness[0] == damping[0] == 0.0, "the pin at A is free"
     assert np.all(stiffness[1:] > 0)
     np.testing.assert_allclose(damping, NOMINAL.keel.damping_time_s * stiffness, rtol=1e-10)
+    for name, field in (("stiffness", "stiffness"), ("exponent", "exponent"), ("damping", "damping_n_s_per_m")):
+        known = [getattr(zone, field) for zone in NOMINAL.zones for _ in zone.x_mm]
+        np.testing.assert_allclose(model.numeric(f"sphere_{name}").data, known, rtol=1e-11)
+    assert np.ravel(model.tendon_damping)[0] == pytest.approx(
+        NOMINAL.fulcrum.damping_time_s * NOMINAL.fulcrum.stiffness_n_per_m, rel=1e-10)
+    _, stiffness, damping = -model.actuator("fulcrum").biasprm[:3]
+    assert damping**2 == pytest.approx(4.0 * stiffness * NOMINAL.fulcrum.carriage_mass_kg, rel=1e-10)
+
+
 
 
 @pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
-def test_small_loads_meet_the_stiffness_of_the_chain(fulcrum_m):
+def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(fulcrum_m):
+    """Between bench and file is the lean of a tendon of 1 m, whose end strays by some millimetres: its square."""
     known = lumped_stiffness(
         bending_stiffness=NOMINAL.keel.flexural_modulus_pa * section_inertia(
             NOMINAL.keel.width_m, NOMINAL.keel.thickness_m),
         element_lengths=NOMINAL.keel.element_lengths_m, support=fulcrum_m, load_point=NOMINAL.load_point_m,
         fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m)
-    assert 1e-2 / rise_in_mujoco(compiled(NOMINAL, fulcrum_m), NOMINAL, 1e-2) == pytest.approx(known, rel=1e-7)
-
-
-@pytest.mark.parametrize("fulcrum_m", FULCRUMS_M)
-def test_large_loads_lift_the_toe_as_on_the_bench(fulcrum_m):
-    """Between them is the lean of a tendon of 1 m, whose end strays by some millimetres: its square."""
+    model = compiled(NOMINAL, fulcrum_m)
+    assert 1e-2 / rise_in_mujoco(model, NOMINAL, 1e-2) == pytest.approx(known, rel=1e-7)
     loads = np.array([200.0, 600.0])
     known = [keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads]
-    model = compiled(NOMINAL, fulcrum_m)
     np.testing.assert_allclose([rise_in_mujoco(model, NOMINAL, load) for load in loads], known, rtol=5e-4)
 
 
@@ -176,21 +168,6 @@ def test_spheres_meet_the_floor_and_not_one_another():
     assert len(pairs) == sum(len(zone.x_mm) for zone in NOMINAL.zones)
 
 
-def test_foams_numbers_are_in_the_file():
-    model = compiled(NOMINAL, 0.108)
-    for name, field in (("stiffness", "stiffness"), ("exponent", "exponent"), ("damping", "damping_n_s_per_m")):
-        known = [getattr(zone, field) for zone in NOMINAL.zones for _ in zone.x_mm]
-        np.testing.assert_allclose(model.numeric(f"sphere_{name}").data, known, rtol=1e-11)
-
-
-def test_support_is_damped_by_its_time_and_the_carriages_hold_critically():
-    model = compiled(NOMINAL, 0.108)
-    assert np.ravel(model.tendon_damping)[0] == pytest.approx(
-        NOMINAL.fulcrum.damping_time_s * NOMINAL.fulcrum.stiffness_n_per_m, rel=1e-10)
-    _, stiffness, damping = -model.actuator("fulcrum").biasprm[:3]
-    assert damping**2 == pytest.approx(4.0 * stiffness * NOMINAL.fulcrum.carriage_mass_kg, rel=1e-10)
-
-
 def test_foot_can_be_attached_to_another_model():
     """Below a body that is 1 m up, the mount comes to the frame that it is attached to."""
     leg = mujoco.MjSpec()
@@ -204,8 +181,3 @@ def test_foot_can_be_attached_to_another_model():
     mujoco.mj_forward(model, data)
     np.testing.assert_allclose(data.site("left_vsf_mount").xpos, [0, 0, 0.8], atol=1e-11)
     assert model.ntendon == 1
-
-
-def test_fulcrum_out_of_reach_is_refused():
-    with pytest.raises(InputError, match="20 mm is out of the carriage's reach"):
-        foot_mjcf(NOMINAL, fulcrum_m=0.02)

@@ -152,18 +152,6 @@ def test_in_a_plant_with_a_time_step_support_and_carriage_follow_too(contact):
     assert carriage == pytest.approx(position, abs=1e-3)  # its own servo of 100 Hz lags by 0.4 mm
 
 
-def test_the_screw_starts_where_wire_foot_put_the_carriage():
-    builder = DiagramBuilder()
-    plant = builder.AddSystem(MultibodyPlant(0.0))
-    foot = add_foot(plant, plant.world_frame(), FootParameters())
-    plant.Finalize()
-    drive = add_fulcrum_drive(builder, plant, wire_foot(builder, plant, foot, fulcrum_m=0.13))
-    builder.ExportInput(drive.desired_position)
-    root = builder.Build().CreateDefaultContext()
-    assert drive.actuator.get_output_port(0).Eval(drive.actuator.GetMyContextFromRoot(root))[0] == 0.13
-    assert plant.GetJointByName("fulcrum").get_translation(plant.GetMyContextFromRoot(root)) == 0.13
-
-
 def test_a_new_context_of_the_simulator_gets_its_support_moved_too():
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(1e-3))
@@ -180,37 +168,21 @@ def test_a_new_context_of_the_simulator_gets_its_support_moved_too():
     assert rod.p_BQ()[0] == 0.14
 
 
-def test_two_feet_are_driven_apart():
-    builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    drives = {}
-    for name, y in (("left", 0.1), ("right", -0.1)):
-        at = plant.AddFrame(FixedOffsetFrame(f"{name}_end", plant.world_frame(), RigidTransform([0.0, y, 0.3])))
-        drives[name] = add_foot(plant, at, FootParameters(), name=name)
-    plant.Finalize()
-    for name, signal in (("left", "contact"), ("right", "shank")):
-        drives[name] = add_fulcrum_drive(builder, plant, wire_foot(builder, plant, drives[name]), signal=signal)
-        builder.ExportInput(drives[name].desired_position, f"{name}_desired")
-    diagram = builder.Build()
-    root = diagram.CreateDefaultContext()
-    drives["left"].SetPosition(root, 0.07)
-    for name, expected in (("left", 0.07), ("right", 0.108)):
-        output = drives[name].GetOutputPort("fulcrum_position")
-        assert output.Eval(output.get_system().GetMyContextFromRoot(root))[0] == expected
-        output = drives[name].GetOutputPort("commanded_position")
-        assert output.Eval(output.get_system().GetMyContextFromRoot(root))[0] == expected
-
-
 def test_the_shank_s_signal_is_the_body_s_lean():
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
     foot = add_foot(plant, plant.AddFrame(FixedOffsetFrame("end", _hinged(plant), RigidTransform([0, 0, -0.4]))),
                     FootParameters())
     plant.Finalize()
-    drive = add_fulcrum_drive(builder, plant, wire_foot(builder, plant, foot), signal="both")
+    drive = add_fulcrum_drive(builder, plant, wire_foot(builder, plant, foot, fulcrum_m=0.13), signal="both")
     builder.ExportInput(drive.desired_position, "desired")
     diagram = builder.Build()
     root = diagram.CreateDefaultContext()
+    screw = drive.GetOutputPort("fulcrum_position"), drive.actuator.GetMyMutableContextFromRoot(root)
+    assert screw[0].Eval(screw[1])[0] == 0.13, "it starts where wire_foot put the carriage"
+    drive.SetPosition(root, 0.07)
+    command = drive.GetOutputPort("commanded_position").Eval(drive.controller.GetMyContextFromRoot(root))[0]
+    assert screw[0].Eval(screw[1])[0] == command == 0.07
     hinge = plant.GetJointByName("hinge")
     hinge.set_angle(plant.GetMyMutableContextFromRoot(root), 0.5)
     hinge.set_angular_rate(plant.GetMyMutableContextFromRoot(root), -2.0)
@@ -222,13 +194,6 @@ def _hinged(plant):
     shank = plant.AddRigidBody("shank", plant.AddModelInstance("leg"))
     plant.AddJoint(RevoluteJoint("hinge", plant.world_frame(), shank.body_frame(), [0.0, 1.0, 0.0]))
     return shank.body_frame()
-
-
-def test_a_fulcrum_has_one_master():
-    builder, plant, _, wired = parts()
-    add_fulcrum_drive(builder, plant, wired)
-    with pytest.raises(InputError, match="fulcrum_position: is connected or exported already"):
-        add_fulcrum_drive(builder, plant, wired)
 
 
 def test_what_cannot_be_is_refused_and_leaves_the_diagram_as_it_was():
@@ -249,3 +214,5 @@ def test_what_cannot_be_is_refused_and_leaves_the_diagram_as_it_was():
     drive = add_fulcrum_drive(builder, plant, wired)
     with pytest.raises(InputError, match="there is no output 'speed'"):
         drive.GetOutputPort("speed")
+    with pytest.raises(InputError, match="fulcrum_position: is connected or exported already"):
+        add_fulcrum_drive(builder, plant, wired)

@@ -19,6 +19,8 @@ def parser():
     parser = Parser(plant)
     parser.SetStrictParsing()
     add_model_package(parser)
+    add_model_package(parser)  # twice does no harm
+    assert parser.package_map().GetPath("vsf_drake") == str(resource("models"))
     yield parser
     del plant
 
@@ -34,21 +36,20 @@ def test_leg_has_the_masses_and_lengths_of_its_comment(parser):
     np.testing.assert_allclose(X_HP.translation(), [0, 0, -0.76], atol=1e-12)
 
 
-@pytest.mark.parametrize(("name", "moments"), [
+MOMENTS = (
     ("hip", 10 * np.full(3, 2 * 0.14**2 / 12)),
     ("thigh", 5 * np.array([(3 * 0.06**2 + 0.40**2) / 12, (3 * 0.06**2 + 0.40**2) / 12, 0.06**2 / 2])),
-    ("shank", 2 * np.array([(3 * 0.03**2 + 0.36**2) / 12, (3 * 0.03**2 + 0.36**2) / 12, 0.03**2 / 2]))])
-def test_leg_has_the_inertias_of_solid_shapes(parser, name, moments):
-    parser.AddModels(url="package://vsf_drake/leg.urdf")
-    inertia = parser.plant().GetBodyByName(name).default_spatial_inertia()
-    central = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
-    np.testing.assert_allclose(central.get_moments(), moments, rtol=1e-12)
+    ("shank", 2 * np.array([(3 * 0.03**2 + 0.36**2) / 12, (3 * 0.03**2 + 0.36**2) / 12, 0.03**2 / 2])))
 
 
-def test_leg_bends_as_its_comment_says(parser):
+def test_leg_has_the_inertias_of_solid_shapes_and_bends_as_its_comment_says(parser):
     parser.AddModels(url="package://vsf_drake/leg.urdf")
     plant = parser.plant()
     plant.Finalize()
+    for name, moments in MOMENTS:
+        inertia = plant.GetBodyByName(name).default_spatial_inertia()
+        central = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
+        np.testing.assert_allclose(central.get_moments(), moments, rtol=1e-12)
     for joint, body, forward in (("hip_flexion", "shank", 1.0), ("knee_flexion", "pylon_end", -1.0)):
         context = plant.CreateDefaultContext()
         plant.GetJointByName(joint).set_angle(context, 0.1)
@@ -66,8 +67,3 @@ def test_directives_put_the_foot_under_the_leg(parser):
     assert plant.GetJointByName("fulcrum").get_translation(context) == 0.108
     X = plant.CalcRelativeTransform(context, plant.GetFrameByName("pylon_end"), plant.GetFrameByName("vsf_mount"))
     assert X.IsExactlyIdentity()
-
-
-def test_package_can_be_added_twice(parser):
-    add_model_package(parser)
-    assert parser.package_map().GetPath("vsf_drake") == str(resource("models"))

@@ -11,14 +11,17 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import ModelInstanceIndex, PrismaticJoint
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
-from vsf_drake.parameters import FootParameters
+from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants import add_foot, wire_foot
+from vsf_drake.plants.contact_geometry import add_ground_geometry
 from vsf_drake.plants.export import foot_sdf
 from vsf_drake.plants.parsed_foot import find_foot
+from vsf_drake.plants.solids import box
 from vsf_drake.plants.station import add_model_package
 
 FOOT = FootParameters()
@@ -89,8 +92,8 @@ def test_parsed_foot_moves_as_an_added_one(both, seed):
         forces.append(wired.GetOutputPort("grf").Eval(wired.forces.GetMyContextFromRoot(context)))
     assert forces[1][2] > 100.0, "the foot stands on the ground"
     np.testing.assert_allclose(forces[0], forces[1], rtol=1e-8)
-    found, known = accelerations
-    np.testing.assert_allclose(found, known, rtol=1e-5, atol=1e-5 * np.abs(known).max())
+    parsed_foot, known = accelerations
+    np.testing.assert_allclose(parsed_foot, known, rtol=1e-5, atol=1e-5 * np.abs(known).max())
 
 
 @pytest.mark.parametrize(("asked", "known"), [(None, 0.108), (0.12, 0.12)])
@@ -107,10 +110,14 @@ def test_carriage_starts_where_its_servo_holds_it(asked, known):
     assert force[slide.velocity_start()] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_carriage_of_a_file_without_a_position_goes_to_that_of_add_foot():
-    plant = parsed(foot_sdf(FOOT))
-    assert find_foot(plant, "vsf", FOOT).fulcrum_m == 0.108
-    assert plant.GetJointByName("fulcrum").get_default_translation() == 0.108
+@pytest.mark.parametrize("springs", [True, False])
+def test_springs_of_the_file_are_left_out_of_the_wired_forces_and_those_it_lacks_are_not(springs):
+    """The carriage of a file without a position goes to that of add_foot."""
+    plant = parsed(foot_sdf(FOOT, springs=springs))
+    foot, known = find_foot(plant, "vsf", FOOT), add_foot(other := MultibodyPlant(0.0), other.world_frame(), FOOT)
+    assert foot.fulcrum_m == plant.GetJointByName("fulcrum").get_default_translation() == 0.108
+    np.testing.assert_array_equal(foot.joint_stiffness, 0.0 if springs else known.joint_stiffness)
+    np.testing.assert_array_equal(foot.joint_damping, 0.0 if springs else known.joint_damping)
 
 
 def test_foot_of_a_model_within_a_namespace_is_found_and_wired(tmp_path):
@@ -127,21 +134,6 @@ def test_foot_of_a_model_within_a_namespace_is_found_and_wired(tmp_path):
     assert foot.name == "robot::vsf"
     assert wire_foot(builder, plant, foot).forces is not None
     builder.Build()
-
-
-def test_springs_of_the_file_are_left_out_of_the_wired_forces(both):
-    (_, _, from_file), (_, _, by_hand) = both
-    assert not from_file.foot.joint_stiffness.any()
-    assert not from_file.foot.joint_damping.any()
-    np.testing.assert_allclose(by_hand.foot.joint_stiffness[1:], 27.146 / np.array(FOOT.keel.element_lengths_m),
-                               rtol=1e-4)
-
-
-def test_file_without_springs_leaves_them_to_the_wired_forces():
-    foot = find_foot(parsed(foot_sdf(FOOT, springs=False)), "vsf", FOOT)
-    known = add_foot(plant := MultibodyPlant(0.0), plant.world_frame(), FOOT)
-    np.testing.assert_array_equal(foot.joint_stiffness, known.joint_stiffness)
-    np.testing.assert_array_equal(foot.joint_damping, known.joint_damping)
 
 
 def test_two_parsed_feet_are_told_apart():
@@ -202,12 +194,6 @@ def test_collision_spheres_of_another_foam_are_refused_where_they_can_be_seen(wi
         find_foot(plant, "vsf", harder, contact="drake_point", scene_graph=scene_graph)
 
 
-def test_a_law_beside_collision_spheres_is_refused(with_floor):
-    _, plant, _ = with_floor
-    with pytest.raises(InputError, match=r"24 collision spheres.*Give scene_graph"):
-        find_foot(plant, "vsf", FOOT, contact="smooth")
-
-
 def changed_keel(**changes):
     return replace(FOOT, keel=replace(FOOT.keel, **changes))
 
@@ -219,28 +205,17 @@ def changed_keel(**changes):
     (changed_keel(damping_time_s=0.01), r"keel_1: has a damping of 2.50897 N m s/rad, by the parameters 4.11306"),
     (changed_keel(element_lengths_m=(0.0229,) * 10), "has no body keel_body_9|weighs|has its centre of mass"),
     (changed_keel(element_lengths_m=(0.066, 0.0466, *FOOT.keel.element_lengths_m[3:])), "weighs|centre of mass"),
+    (changed_keel(element_lengths_m=(*FOOT.keel.element_lengths_m[:-2], 0.0466)), "weighs"),
 ])
 def test_foot_of_other_parameters_is_refused_and_the_difference_named(parameters, message):
     with pytest.raises(InputError, match=message):
         find_foot(parsed(foot_sdf(FOOT)), "vsf", parameters)
 
 
-def test_keel_with_fewer_elements_in_the_parameters_is_refused():
-    """All of its bodies are there by name; the file's keel has one more."""
-    *short, last, tip = FOOT.keel.element_lengths_m
-    with pytest.raises(InputError, match=r"keel_body_7.*weighs|weighs"):
-        find_foot(parsed(foot_sdf(FOOT)), "vsf", changed_keel(element_lengths_m=(*short, last + tip)))
-
-
-def test_support_in_the_file_is_refused():
+def test_support_in_the_file_unknown_instance_and_a_thing_that_is_no_foot_are_refused():
     with pytest.raises(InputError, match=r"support in the file already.*vsf_foot.sdf"):
         find_foot(parsed(foot_sdf(FOOT, fulcrum_m=0.108)), "vsf", FOOT)
-
-
-def test_unknown_instance_and_a_thing_that_is_no_foot_are_refused():
     plant = leg_plant(DiagramBuilder(), LEG)
-    with pytest.raises(InputError, match=r"no model instance 'foot'. It has leg"):
-        find_foot(plant, "foot", FOOT)
     with pytest.raises(InputError, match=r"leg: has no body vsf_frame. It must be a foot written by vsf-drake export"):
         find_foot(plant, "leg", FOOT)
     for instance in (99, ModelInstanceIndex(99), -1, "99"):
@@ -254,3 +229,54 @@ def test_unknown_instance_and_a_thing_that_is_no_foot_are_refused():
 def test_contacts_that_the_file_cannot_give_are_refused(contact, message):
     with pytest.raises(InputError, match=message):
         find_foot(parsed(foot_sdf(FOOT)), "vsf", FOOT, contact=contact)
+
+
+# In a plant with a time step: what find_foot adds there, which steps it refuses, that it stands.
+
+
+def discrete(text, step_s=1e-3):
+    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), step_s)
+    Parser(plant).AddModelsFromString(text, "sdf")
+    return plant
+
+
+@pytest.mark.parametrize(("springs", "actuators"), [(True, 1), (False, 9)])
+def test_plant_with_a_time_step_gets_what_the_file_lacks(springs, actuators):
+    """Of the carriage's hold, eight springs, and the support."""
+    plant = discrete(foot_sdf(FOOT, springs=springs))
+    foot = find_foot(plant, "vsf", FOOT, contact="drake_point", fulcrum_m=0.12)
+    plant.Finalize()
+    assert (plant.num_actuators(), plant.num_constraints()) == (actuators, 1)
+    assert foot.support is not None
+    assert plant.GetJointByName("fulcrum").get_translation(plant.CreateDefaultContext()) == 0.12
+
+
+def test_time_steps_at_which_joint_springs_diverge_are_refused():
+    """Twice the damping time, 6.1 ms."""
+    assert find_foot(discrete(foot_sdf(FOOT), 0.0121), "vsf", FOOT, contact="drake_point").support is not None
+    with pytest.raises(InputError, match=r"diverge at time steps of 12.3 ms. Take less than 12.2 ms.*--no-springs"):
+        find_foot(discrete(foot_sdf(FOOT), 0.0123), "vsf", FOOT, contact="drake_point")
+    plant = discrete(foot_sdf(FOOT))
+    plant.Finalize()
+    with pytest.raises(InputError, match=r"find_foot before plant.Finalize"):
+        find_foot(plant, "vsf", FOOT, contact="drake_point")
+
+
+@pytest.mark.parametrize("springs", [True, False])
+def test_parsed_foot_stands_in_a_plant_with_a_time_step(springs):
+    """One second of 1 ms on the floor: it bears its weight and a leg's, within the rest of its motion."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
+    Parser(plant).AddModelsFromString(foot_sdf(FOOT, springs=springs), "sdf")
+    load = plant.AddRigidBody("load", plant.GetModelInstanceByName("vsf"), box(20.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.1)))
+    plant.WeldFrames(load.body_frame(), plant.GetFrameByName("vsf_mount"))
+    plant.AddJoint(PrismaticJoint("rail", plant.world_frame(), load.body_frame(), [0.0, 0.0, 1.0]))
+    add_ground_geometry(plant)
+    foot = find_foot(plant, "vsf", FOOT, contact="drake_point")
+    plant.GetJointByName("rail").set_default_translation(0.088)
+    plant.Finalize()
+    wired = wire_foot(builder, plant, foot)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(1.0)
+    grf = wired.GetOutputPort("grf").Eval(wired.reaction.GetMyContextFromRoot(simulator.get_context()))
+    assert grf[2] == pytest.approx(20.649 * GRAVITY, rel=5e-3)

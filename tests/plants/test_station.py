@@ -1,27 +1,30 @@
-"""Stations: the same forces as the parts they are made of, alone, twice, converted and under Simulator."""
+"""Stations: the same forces as the parts they are made of, feet under a model of one's own, what is drawn of them."""
 
 from __future__ import annotations
 
 import gc
 import re
+import weakref
 from dataclasses import replace
 
+import meshcat_page
 import numpy as np
-import psutil
 import pytest
 from made_scenario import one_of_everything
-from pydrake.autodiffutils import AutoDiffXd, InitializeAutoDiff
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
+from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants import station as station_module
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.station import make_station
+from vsf_drake.report.show.drawing import open_meshcat
 from vsf_drake.scenario import Scenario, ScenarioFoot, load_scenario
+from vsf_drake.schema import dump_yaml
 
 KINDS = ("bench", "person", "leg")
 SUBJECT = Subject(mass_kg=78, stature_m=1.81, sex="male", prosthetic_side="right")
@@ -61,9 +64,6 @@ def test_shipped_scenarios_build_with_the_ports_that_the_module_lists(kind):
     assert names(drawn.diagram) == (inputs, outputs | {"query"})
     query = drawn.diagram.GetOutputPort("query").Eval(drawn.diagram.CreateDefaultContext())
     assert query.inspector().num_geometries() > 20
-
-
-def test_every_port_stands_in_the_modules_table():
     listed = set(re.findall(r"^    (\w.*?)  ", station_module.__doc__, flags=re.MULTILINE))
     listed = {name.strip() for row in listed for name in row.split(",")} - {"input", "output"}
     ports = set().union(*(inputs | outputs for inputs, outputs in PORTS.values()))
@@ -81,16 +81,14 @@ def test_files_of_subject_and_contact_reach_person_and_foot():
                                                fitted["contact.heel_posterior.exponent"])
 
 
-@pytest.mark.slow
-def test_legs_built_again_and_again_do_not_grow_the_process(leg):
-    """A diagram that is kept alive costs a quarter of a megabyte each time."""
-    resident = []
-    for builds in (15, 40):
-        for _ in range(builds):
-            make_station(leg.scenario).diagram.CreateDefaultContext()
+def test_a_leg_is_freed_with_its_last_reference(leg):
+    station = make_station(leg.scenario)
+    station.diagram.CreateDefaultContext()
+    seen = [weakref.ref(station.diagram), weakref.ref(station.plant)]
+    del station
+    for _ in range(3):
         gc.collect()
-        resident.append(psutil.Process().memory_info().rss)
-    assert resident[1] - resident[0] < 4e6
+    assert [reference() for reference in seen] == [None, None]
 
 
 def test_a_bench_station_is_the_bench_with_its_fulcrum_where_the_scenario_has_it():
@@ -113,19 +111,6 @@ def test_a_bench_station_is_the_bench_with_its_fulcrum_where_the_scenario_has_it
     assert carriage == pytest.approx(0.087)
 
 
-def test_under_simulator_the_bench_settles_to_the_balance_of_moments_about_the_keels_end():
-    """Load at 199 mm from A, support at 108 mm, nothing else off A: a lever, but for the keel's slope."""
-    station = make_station(load_scenario(resource("models/scenarios/bench.yaml")))
-    simulator = Simulator(station.diagram)
-    context = simulator.get_mutable_context()
-    station.diagram.GetInputPort("platen").FixValue(context, [station.parts.contact_height + 0.002, 0.0])
-    ApplySimulatorConfig(station.simulator_config(), simulator)
-    simulator.AdvanceTo(0.3)
-    load, support = (station.diagram.GetOutputPort(name).Eval(context)[0] for name in ("load", "support_force"))
-    assert load > 10.0
-    assert support == pytest.approx(-load * 0.199 / 0.108, rel=2e-3)
-
-
 def test_two_stations_in_one_diagram_have_the_forces_of_one_alone(leg):
     builder = DiagramBuilder()
     both = [make_station(replace(leg.scenario, name=name)) for name in "ab"]
@@ -146,27 +131,6 @@ def test_two_stations_in_one_diagram_have_the_forces_of_one_alone(leg):
     np.testing.assert_allclose(rates[len(rates) // 2:], leg.diagram.EvalTimeDerivatives(alone).CopyToVector())
 
 
-def test_a_leg_converts_and_its_derivatives_are_central_differences(leg):
-    converted = leg.diagram.ToAutoDiffXd()
-    context, plain = converted.CreateDefaultContext(), leg.diagram.CreateDefaultContext()
-    x = plain.get_continuous_state_vector().CopyToVector()
-    x[0] += 0.01
-    i = leg.plant.GetJointByName("knee_flexion").position_start()
-    seeds = np.zeros((len(x), 1))
-    seeds[i] = 1.0
-    context.SetContinuousState(InitializeAutoDiff(x, gradient=seeds).ravel())
-    grf = converted.GetOutputPort("grf").Eval(context)
-    assert all(isinstance(force, AutoDiffXd) for force in grf)
-
-    def at(step):
-        plain.SetContinuousState(x + step * seeds[:, 0])
-        return leg.diagram.GetOutputPort("grf").Eval(plain)
-
-    slope = (at(1e-6) - at(-1e-6)) / 2e-6
-    np.testing.assert_allclose([force.derivatives()[0] for force in grf], slope, rtol=1e-4, atol=1.0)
-    assert abs(slope[2]) > 100.0
-
-
 def test_several_feet_have_their_names_before_their_ports(tmp_path):
     station = make_station(load_scenario(one_of_everything(tmp_path)))
     inputs, outputs = names(station.diagram)
@@ -182,22 +146,6 @@ def test_several_feet_have_their_names_before_their_ports(tmp_path):
         joint = station.plant.GetJointByName("fulcrum", station.feet[name].instance)
         assert joint.get_translation(station.plant_context(context)) == pytest.approx(place)
         assert station.diagram.GetOutputPort(f"{name}_grf").Eval(context)[2] > 100.0
-
-
-def test_a_leg_held_over_the_floor_comes_to_rest_on_it_under_simulator(leg):
-    simulator = Simulator(leg.diagram)
-    ApplySimulatorConfig(leg.simulator_config(), simulator)
-    simulator.AdvanceTo(0.4)
-    context = simulator.get_context()
-    assert simulator.get_integrator().get_num_steps_taken() > 10
-    grf = leg.diagram.GetOutputPort("grf").Eval(context)
-    assert grf[2] > 50.0
-    assert np.hypot(grf[0], grf[1]) <= 0.5 * grf[2]
-    rates = leg.diagram.EvalTimeDerivatives(context).CopyToVector()
-    v, acceleration = np.split(rates, 2)
-    hip, knee = (leg.plant.GetJointByName(name).velocity_start() for name in ("hip_flexion", "knee_flexion"))
-    assert np.abs(v[[hip, knee]]).max() < 0.05
-    assert np.abs(acceleration[[hip, knee]]).max() < 5.0
 
 
 def test_drakes_own_contact_in_a_plant_with_a_time_step_bears_the_same_load(leg):
@@ -217,6 +165,158 @@ def test_drakes_own_contact_in_a_plant_with_a_time_step_bears_the_same_load(leg)
     assert loads[1] == pytest.approx(loads[0], rel=0.03)
 
 
-def test_a_coordinate_that_the_person_lacks_is_refused():
-    with pytest.raises(InputError, match="free: no such coordinate: tail"):
-        make_station(Scenario(kind="person", subject=SUBJECT, free=("tail",)))
+MOTORED = """
+<robot name="motored">
+  <link name="base"/>
+  <link name="shank">
+    <inertial><mass value="3"/><inertia ixx="0.04" ixy="0" ixz="0" iyy="0.04" iyz="0" izz="0.01"/></inertial>
+  </link>
+  <joint name="knee" type="revolute">
+    <parent link="base"/><child link="shank"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="100" velocity="20"/>
+  </joint>
+  <transmission type="SimpleTransmission">
+    <joint name="knee"/><actuator name="knee_motor"/>
+  </transmission>
+</robot>
+"""
+
+
+def test_a_motors_torque_acts_as_the_same_generalized_force(tmp_path):
+    (tmp_path / "motored.urdf").write_text(MOTORED)
+    station = make_station(Scenario(kind="leg", feet=(ScenarioFoot(parent_frame="m::shank"),), gravity_m_per_s2=0.0,
+                                    directives=({"add_model": {
+                                        "name": "m", "file": (tmp_path / "motored.urdf").as_uri()}},
+                                        {"add_weld": {"parent": "world", "child": "m::base", "X_PC": {
+                                            "translation": [0.0, 0.0, 2.0]}}})))
+    inputs = {station.diagram.get_input_port(i).get_name() for i in range(station.diagram.num_input_ports())}
+    assert inputs == {"fulcrum_position", "generalized_force", "actuation"}
+    rates = []
+    force = np.zeros(station.plant.num_velocities())
+    force[station.plant.GetJointByName("knee").velocity_start()] = 7.0
+    for port, value in ((None, None), ("actuation", [7.0]), ("generalized_force", force)):
+        context = station.diagram.CreateDefaultContext()
+        if port:
+            station.diagram.GetInputPort(port).FixValue(context, value)
+        rates.append(station.diagram.EvalTimeDerivatives(context).CopyToVector())
+    assert np.abs(rates[0]).max() < 1e-9
+    np.testing.assert_allclose(rates[1], rates[2], rtol=1e-9, atol=1e-9)
+    assert np.abs(rates[1]).max() > 10.0
+
+
+TWO_LEGS = tuple(
+    directive for name, y in (("a", 0.2), ("b", -0.2)) for directive in (
+        {"add_model": {"name": name, "file": LEG}},
+        {"add_weld": {"parent": "world", "child": f"{name}::hip", "X_PC": {"translation": [0.0, y, 0.84]}}}))
+
+
+def test_guides_pull_by_stiffness_and_damping_under_the_gravity_that_the_scenario_has():
+    scenario = load_scenario(resource("models/scenarios/leg.yaml"))
+    station = make_station(replace(scenario, gravity_m_per_s2=1.62))
+    np.testing.assert_array_equal(station.plant.gravity_field().gravity_vector(), [0.0, 0.0, -1.62])
+    context = station.diagram.CreateDefaultContext()
+    plant_context = station.plant_context(context)
+    guide, driver = station.scenario.guides[0], station.diagram.GetSubsystemByName("guides")
+    joint = station.plant.GetJointByName(guide.joint.split("::")[-1])
+    joint.set_angle(plant_context, joint.get_angle(plant_context) + 0.1)
+    joint.set_angular_rate(plant_context, 0.7)
+    force = driver.GetOutputPort("generalized_force").Eval(driver.GetMyContextFromRoot(context))
+    known = np.zeros(station.plant.num_velocities())
+    known[joint.velocity_start()] = -(0.1 * guide.stiffness + 0.7 * guide.damping)
+    np.testing.assert_allclose(force, known, rtol=1e-12, atol=1e-12)
+
+
+def test_two_feet_of_different_friction_are_refused_one_ground_of_drakes_own(tmp_path):
+    """Drake takes the harmonic mean of both sides, so one ground cannot give each its own coefficient."""
+    foot = ModelParameters().foot
+    slippery = replace(foot, friction=replace(foot.friction, mu_static=0.1, mu_kinetic=0.1))
+    (tmp_path / "slippery.yaml").write_text(dump_yaml(replace(ModelParameters(), foot=slippery)))
+    feet = (ScenarioFoot(name="left", parent_frame="a::pylon_end"),
+            ScenarioFoot(name="right", parent_frame="b::pylon_end", model=str(tmp_path / "slippery.yaml")))
+    scenario = Scenario(kind="leg", directives=TWO_LEGS, feet=feet, contact="drake_point")
+    with pytest.raises(InputError, match=r"feet\[1\].model: 'right' has another friction than 'left'"):
+        make_station(scenario)
+    make_station(replace(scenario, contact="hunt_crossley"))
+
+
+def test_soft_ground_is_refused_where_any_foot_has_pads():
+    feet = (ScenarioFoot(name="left", parent_frame="a::pylon_end", contact="drake_point"),
+            ScenarioFoot(name="right", parent_frame="b::pylon_end", contact="hydroelastic"))
+    soft = Ground(patches=(GroundPatch(stiffness_n_per_m=1e4),))
+    with pytest.raises(InputError, match="hydroelastic pads take the ground for rigid"):
+        make_station(Scenario(kind="leg", directives=TWO_LEGS, feet=feet, ground=soft))
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"feet": (ScenarioFoot(parent_frame="pylon_fin"),)}, r"feet\[0\].parent_frame: 'pylon_fin' is not in the model"),
+    ({"feet": (ScenarioFoot(name="vsf"),)}, "has no model instance 'vsf'"),
+    ({"feet": (ScenarioFoot(parent_frame="pylon_end", fulcrum_mm=300.0),)}, r"feet\[0\].fulcrum_mm: .*reach"),
+    ({"robot": None, "directives": ({"add_wedl": {}},)}, "directives: Drake cannot follow them"),
+    ({"kind": "person", "subject": SUBJECT, "free": ("tail",), "robot": None, "feet": ()}, "free: no such coordinate"),
+])
+def test_what_is_not_in_the_model_is_refused_by_its_key(changes, words):
+    right = {"kind": "leg", "robot": LEG, "feet": (ScenarioFoot(parent_frame="pylon_end"),)}
+    with pytest.raises(InputError, match=words):
+        make_station(Scenario(**(right | changes)))
+
+
+# Drawn: its shapes go with its own bodies, and its physics is that of the station without them.
+
+
+BENCH, PERSON = (load_scenario(resource(f"models/scenarios/{kind}.yaml")) for kind in ("bench", "person"))
+KINDS = {"bench": BENCH, "person over patches": PERSON, "person on a plane": replace(PERSON, ground=None)}
+LIFT_M = 0.93
+"""Pelvis height at which the person's feet are in the ground."""
+
+
+def moving(station):
+    """A Context with the ground or the platen against the foot, bodies moving, inputs fixed."""
+    context, plant = station.diagram.CreateDefaultContext(), station.plant
+    n = plant.num_positions()
+    x = np.random.default_rng(5).uniform(-1, 1, 2 * n) * np.repeat([0.01, 0.05], n)
+    if station.scenario.kind == "person":
+        x[plant.GetJointByName("pelvis_ty").position_start()] = LIFT_M
+        count = station.diagram.GetInputPort("desired_state").size()
+        station.diagram.GetInputPort("desired_state").FixValue(context, np.zeros(count))
+    else:
+        station.diagram.GetInputPort("platen").FixValue(context, [station.parts.contact_height + 0.005, 0.01])
+    plant.SetPositionsAndVelocities(station.plant_context(context), x)
+    return context
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_shapes_change_no_acceleration_and_a_drawn_station_converts(kind):
+    plain, drawn = make_station(KINDS[kind]), make_station(KINDS[kind], visual=True)
+    one, two = moving(plain), moving(drawn)
+    rates = plain.diagram.EvalTimeDerivatives(one).CopyToVector()
+    load = plain.diagram.GetOutputPort("load" if kind == "bench" else "grf").Eval(one)[-1]
+    assert load > 50.0
+    np.testing.assert_array_equal(drawn.diagram.EvalTimeDerivatives(two).CopyToVector(), rates)
+    converted = drawn.diagram.ToAutoDiffXd()
+    context = converted.CreateDefaultContext()
+    context.SetTimeStateAndParametersFrom(two)
+    converted.FixInputPortsFrom(drawn.diagram, two, context)
+    own = [rate.value() for rate in converted.EvalTimeDerivatives(context).CopyToVector()]
+    np.testing.assert_allclose(own, rates, rtol=1e-9, atol=1e-9 * np.abs(rates).max())
+
+
+@pytest.mark.parametrize("scenario", [BENCH, PERSON], ids=["bench", "person"])
+def test_meshcat_shows_every_body_where_it_is(scenario):
+    meshcat = open_meshcat()
+    station = make_station(scenario, meshcat=meshcat)
+    for context in (station.diagram.CreateDefaultContext(), moving(station)):
+        station.diagram.ForcedPublish(context)
+        shown = {}
+        for command in meshcat_page.commands(meshcat.StaticHtml()):
+            if command["type"] == "set_transform":
+                shown[command["path"]] = np.reshape(command["matrix"], (4, 4), order="F")
+        seen = 0
+        for index in station.plant.GetBodyIndices(station.feet["vsf"].instance):
+            body = station.plant.get_body(index)
+            path = f"/drake/visualizer/vsf/{body.name()}"
+            if path in shown:
+                pose = body.EvalPoseInWorld(station.plant_context(context)).GetAsMatrix4()
+                np.testing.assert_allclose(shown[path], pose, atol=1e-6)
+                seen += 1
+        assert seen == len(station.feet["vsf"].keel) + 2  # frame and carriage
+    station.diagram.ToAutoDiffXd()

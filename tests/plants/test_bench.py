@@ -41,12 +41,9 @@ def test_positive_pitch_lifts_the_toes_about_the_mount(machine):
     np.testing.assert_allclose(mount, [0.3, 0.0, 0.2], atol=1e-12)
 
 
-def test_nothing_weighs(machine):
+def test_nothing_weighs_and_friction_is_an_option(machine):
     context = machine.plant.CreateDefaultContext()
     np.testing.assert_array_equal(machine.plant.CalcGravityGeneralizedForces(context), 0.0)
-
-
-def test_friction_is_an_option(machine):
     smooth = make_roll_over_machine(FOOT, friction=False).forces
     own = smooth.CreateDefaultContext()
     assert float(smooth.GetParameter(own, "mu_static")[0]) == 0.0 == float(smooth.GetParameter(own, "mu_kinetic")[0])

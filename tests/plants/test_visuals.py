@@ -1,0 +1,174 @@
+"""The shapes that foot, person and ground are seen by: closed, where the model is, without a part in the physics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydrake.geometry import Box, Role, SceneGraph, Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
+
+from vsf_drake.errors import InputError
+from vsf_drake.ground import Ground, GroundPatch
+from vsf_drake.parameters import FootParameters, ModelParameters, Subject
+from vsf_drake.plants.foot import add_foot
+from vsf_drake.plants.person import add_person
+from vsf_drake.plants.solids import frustum_volume
+from vsf_drake.plants.visuals import (
+    LEAST_RADIUS_M,
+    SITE_NAME,
+    add_foot_visuals,
+    add_visuals,
+    draw_ground,
+    frustum_shape,
+)
+
+
+def subject(side):
+    return Subject(mass_kg=80.0, stature_m=1.8, sex="male", prosthetic_side=side)
+
+
+def drawn_person(side):
+    plant, scene_graph = registered_plant()
+    person = add_person(plant, subject(side), ModelParameters())
+    add_visuals(plant, person)
+    plant.Finalize()
+    return plant, scene_graph.model_inspector(), person
+
+
+def obj_mesh(shape):
+    lines = [line.split() for line in shape.source().in_memory().mesh_file.contents().decode().splitlines()]
+    points = np.array([[float(x) for x in line[1:]] for line in lines if line[0] == "v"])
+    faces = [[int(corner.split("/")[0]) - 1 for corner in line[1:]] for line in lines if line[0] == "f"]
+    return points, faces
+
+
+def test_frustum_is_closed_and_faces_outward():
+    points, faces = obj_mesh(frustum_shape(0.09, 0.05, 0.4))
+    edges = [(a, b) for face in faces for a, b in zip(face, face[1:] + face[:1], strict=True)]
+    assert len(edges) == len(set(edges)), "an edge is walked twice in one direction"
+    assert {(b, a) for a, b in edges} == set(edges), "the surface has a border"
+    volume = sum(np.dot(points[face[0]], np.cross(points[face[i]], points[face[i + 1]])) / 6.0
+                 for face in faces for i in range(1, len(face) - 1))
+    sides = len(points) // 2
+    polygon = sides / (2.0 * np.pi) * np.sin(2.0 * np.pi / sides)
+    assert volume == pytest.approx(polygon * frustum_volume(0.09, 0.05, 0.4), rel=1e-4)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_every_segment_and_device_part_is_drawn(side):
+    plant, inspector, person = drawn_person(side)
+    drawn = {plant.GetBodyFromFrameId(inspector.GetFrameId(g)).name()
+             for g in inspector.GetAllGeometryIds(Role.kIllustration)}
+    bodies = [*person.segments.values(), *person.foot.keel, person.foot.frame, person.socket.socket,
+              person.socket.pylon]
+    assert drawn == {body.name() for body in bodies} | {"vsf_carriage"}
+    assert inspector.NumGeometriesWithRole(Role.kProximity) == 0
+
+
+def test_pelvis_and_its_ellipsoid_have_the_trunks_radii_of_gyration():
+    plant, inspector, person = drawn_person("right")
+    body, inertia = person.body, person.pelvis.default_spatial_inertia()
+    expected = body.pelvis_mass * (np.array(body.table.trunk_gyration) * body.trunk_length) ** 2
+    central = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
+    np.testing.assert_allclose(central.get_moments(), expected, rtol=1e-12)
+    frame = plant.GetBodyFrameIdOrThrow(person.pelvis.index())
+    geometry = inspector.GetGeometryIdByName(frame, Role.kIllustration, "person::trunk")
+    shape = inspector.GetShape(geometry)
+    solid = SpatialInertia.SolidEllipsoidWithMass(body.pelvis_mass, shape.a(), shape.b(), shape.c())
+    np.testing.assert_allclose(solid.CalcRotationalInertia().get_moments(), expected, rtol=1e-12)
+    np.testing.assert_allclose(inspector.GetPoseInFrame(geometry).translation(), inertia.get_com(), atol=1e-15)
+
+
+def test_drawn_spheres_touch_where_the_contact_spheres_do():
+    plant, inspector, person = drawn_person("right")
+    sites = person.foot.sites
+    for i, index in enumerate(sites.body_indices):
+        frame = plant.GetBodyFrameIdOrThrow(index)
+        geometry = inspector.GetGeometryIdByName(frame, Role.kIllustration, f"vsf::{SITE_NAME.format(i)}")
+        shape = inspector.GetShape(geometry)
+        centre = inspector.GetPoseInFrame(geometry).translation()
+        assert isinstance(shape, Sphere)
+        assert shape.radius() == max(sites.radius[i], LEAST_RADIUS_M)
+        np.testing.assert_allclose(centre - [0, 0, shape.radius()], sites.p_BS[i] - [0, 0, sites.radius[i]], atol=1e-15)
+
+
+def registered_plant():
+    plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    return plant, scene_graph
+
+
+def test_two_feet_are_drawn_each_on_its_own_bodies():
+    plant, scene_graph = registered_plant()
+    beside = plant.AddFrame(FixedOffsetFrame("beside", plant.world_frame(), RigidTransform([0.0, 0.3, 0.0])))
+    feet = [add_foot(plant, frame, FootParameters(), name=name)
+            for frame, name in ((plant.world_frame(), "one"), (beside, "two"))]
+    for foot in feet:
+        add_foot_visuals(plant, foot)
+    plant.Finalize()
+    inspector = scene_graph.model_inspector()
+    drawn = [plant.GetBodyFromFrameId(inspector.GetFrameId(g)) for g in inspector.GetAllGeometryIds(Role.kIllustration)]
+    for foot in feet:
+        carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).child_body()
+        own = [body.index() for body in drawn if body.model_instance() == foot.instance]
+        assert set(own) == {body.index() for body in (foot.frame, *foot.keel, carriage)}
+        # frame and pieces one each, carriage and roller, the spheres of the model
+        assert len(own) == 1 + len(foot.keel) + 2 + len(foot.sites.radius)
+    assert inspector.NumGeometriesWithRole(Role.kProximity) == 0
+
+
+def test_drawn_keel_pieces_fill_the_keel_from_end_to_end():
+    plant, scene_graph = registered_plant()
+    foot = add_foot(plant, plant.world_frame(), FootParameters())
+    add_foot_visuals(plant, foot)
+    plant.Finalize()
+    inspector, context, keel = scene_graph.model_inspector(), plant.CreateDefaultContext(), foot.parameters.keel
+    X_KW = foot.frame.EvalPoseInWorld(context).inverse()
+    ends = []
+    for body in foot.keel:
+        frame = plant.GetBodyFrameIdOrThrow(body.index())
+        piece = inspector.GetGeometryIdByName(frame, Role.kIllustration, "vsf::piece")
+        shape, centre = inspector.GetShape(piece), inspector.GetPoseInFrame(piece).translation()
+        assert isinstance(shape, Box)
+        assert (shape.width(), shape.depth(), shape.height())[1:] == (keel.width_m, keel.thickness_m)
+        p_KG = X_KW @ body.EvalPoseInWorld(context) @ centre
+        ends.append(p_KG[0] + 0.5 * shape.width() * np.array([-1.0, 1.0]))
+        assert p_KG[1:] == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose([low for low, _ in ends], [0.0, *(high for _, high in ends[:-1])], atol=1e-12)
+    assert ends[-1][1] == pytest.approx(sum(keel.element_lengths_m))
+
+
+def test_plants_that_take_no_shapes_and_feet_that_have_them_are_refused_with_the_remedy():
+    bare, (plant, _) = MultibodyPlant(0.0), registered_plant()
+    for where in (bare, plant):
+        foot = add_foot(where, where.world_frame(), FootParameters())
+        if where is bare:
+            with pytest.raises(InputError, match="AddMultibodyPlantSceneGraph"):
+                add_foot_visuals(bare, foot)
+    add_foot_visuals(plant, foot)
+    with pytest.raises(InputError, match=r"'vsf' has its shapes already.*once a foot"):
+        add_foot_visuals(plant, foot)
+    with pytest.raises(InputError, match="foot: is a RigidBody"):
+        add_foot_visuals(plant, foot.frame)
+    plant.Finalize()
+    with pytest.raises(InputError, match="between add_foot and"):
+        add_foot_visuals(plant, foot)
+
+
+def test_a_patch_far_off_is_drawn_where_it_is_and_whole():
+    """Its middle in the plane, its sides as long as the slope makes them."""
+    patch = GroundPatch(from_x_m=5.0, to_x_m=7.0, from_y_m=-8.0, to_y_m=-6.0, slope_deg=10.0, height_m=0.1)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
+    draw_ground(plant, Ground(patches=(patch, GroundPatch())))
+    inspector = scene_graph.model_inspector()
+    plates = {inspector.GetName(i).split("::")[-1]: i for i in inspector.GetAllGeometryIds(Role.kIllustration)}
+    far = plates["ground_0_ground"]
+    rise = np.tan(np.radians(10.0))
+    size = inspector.GetShape(far).size()
+    np.testing.assert_allclose(size[:2], [2.0 * np.hypot(1.0, rise), 2.0])
+    top = inspector.GetPoseInFrame(far) @ np.array([0.0, 0.0, 0.5 * size[2]])
+    np.testing.assert_allclose(top, [6.0, -7.0, 0.1 + 6.0 * rise], atol=1e-12)
+    np.testing.assert_allclose(inspector.GetShape(plates["ground_1_ground"]).size()[:2], [6.0, 6.0])
