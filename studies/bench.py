@@ -24,10 +24,10 @@ def main() -> None:
     for ratio in () if arguments.quick else (0.5, 2.0):
         columns[ratio] = bench_table(run_bench(model, speed_m_per_s=ratio * PUBLISHED_SPEED_M_PER_S))
     print("fulcrum (mm)" + "".join(f"{50 * ratio:10.0f} mm/min" for ratio in columns))
-    for i, row in enumerate(table["settings"]):
-        values = [columns[ratio]["settings"][i]["stiffness_n_per_mm"] for ratio in columns]
-        print(f"{row['fulcrum_mm']:12.0f}" + "".join(f"{value:12.3f} N/mm" for value in values))
-    print(f"heel {table['heel_stiffness_n_per_mm']:.2f} N/mm")
+    for i, row in enumerate(table.settings):
+        values = [columns[ratio].settings[i].stiffness_n_per_mm for ratio in columns]
+        print(f"{row.fulcrum_mm:12.0f}" + "".join(f"{value:12.3f} N/mm" for value in values))
+    print(f"heel {table.heel_stiffness_n_per_mm:.2f} N/mm")
 
 
 if __name__ == "__main__":

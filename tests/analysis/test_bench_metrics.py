@@ -10,6 +10,7 @@ import pytest
 from made_results import BENCH_PARAMETERS, make_bench, make_setting
 
 from vsf_drake.analysis.bench_metrics import (
+    BenchTable,
     bench_table,
     closed_form_stiffness,
     displacement,
@@ -17,7 +18,7 @@ from vsf_drake.analysis.bench_metrics import (
     stiffness,
 )
 from vsf_drake.errors import InputError
-from vsf_drake.files import write_json
+from vsf_drake.files import plain, record, write_json
 
 
 def test_straight_curve_has_its_slope_and_half_load_at_half_way():
@@ -79,20 +80,20 @@ def test_curve_that_starts_under_load_is_refused():
 
 def test_table_holds_what_was_put_in():
     table = bench_table(make_bench())
-    assert [row["fulcrum_mm"] for row in table["settings"]] == [66.0, 87.0, 108.0, 129.0, 151.0]
-    for row, k in zip(table["settings"], (10.0, 14.1, 18.9, 24.8, 32.0), strict=True):
-        assert row["stiffness_n_per_mm"] == pytest.approx(k)
-        assert row["mid_range_displacement_mm"] == pytest.approx(300.0 / k)
-        assert row["max_load_n"] == pytest.approx(600.0)
-    assert table["heel_stiffness_n_per_mm"] == pytest.approx(65.0)
-    assert table["speed_mm_per_min"] == pytest.approx(50.0)
-    assert (table["simulated_s"], table["wall_s"]) == (180.0, 0.5)
+    assert [row.fulcrum_mm for row in table.settings] == [66.0, 87.0, 108.0, 129.0, 151.0]
+    for row, k in zip(table.settings, (10.0, 14.1, 18.9, 24.8, 32.0), strict=True):
+        assert row.stiffness_n_per_mm == pytest.approx(k)
+        assert row.mid_range_displacement_mm == pytest.approx(300.0 / k)
+        assert row.max_load_n == pytest.approx(600.0)
+    assert table.heel_stiffness_n_per_mm == pytest.approx(65.0)
+    assert table.speed_mm_per_min == pytest.approx(50.0)
+    assert (table.simulated_s, table.wall_s) == (180.0, 0.5)
 
 
 def test_only_end_points_are_published_and_the_rest_is_called_prediction():
-    rows = bench_table(make_bench())["settings"]
-    assert [row["published_n_per_mm"] for row in rows] == [10.0, None, None, None, 32.0]
-    assert [row["prediction"] for row in rows] == [False, True, True, True, False]
+    rows = bench_table(make_bench()).settings
+    assert [row.published_n_per_mm for row in rows] == [10.0, None, None, None, 32.0]
+    assert [row.prediction for row in rows] == [False, True, True, True, False]
 
 
 def test_closed_form_with_the_nominal_section_gives_the_published_range():
@@ -100,21 +101,21 @@ def test_closed_form_with_the_nominal_section_gives_the_published_range():
     k = closed_form_stiffness(BENCH_PARAMETERS, np.array([0.066, 0.151]))
     np.testing.assert_allclose(k, [10e3, 32e3], rtol=0.01)
     np.testing.assert_array_equal(closed_form_stiffness({"foot": BENCH_PARAMETERS}, np.array([0.066, 0.151])), k)
-    closed = bench_table(make_bench())["closed_form"]
-    assert closed["r2"] > 0.999
-    assert closed["rmse_n_per_mm"] < 0.1
+    closed = bench_table(make_bench()).closed_form
+    assert closed.r2 > 0.999
+    assert closed.rmse_n_per_mm < 0.1
 
 
 def test_table_without_parameters_or_heel_says_none():
     bench = make_bench(parameters={})
     bench = dataclasses.replace(bench, settings=bench.forefoot[:2])
     table = bench_table(bench)
-    assert table["closed_form"] is None
-    assert table["heel_stiffness_n_per_mm"] is None
-    assert len(table["settings"]) == 2
+    assert table.closed_form is None
+    assert table.heel_stiffness_n_per_mm is None
+    assert len(table.settings) == 2
 
 
 def test_table_is_json(tmp_path):
     table = bench_table(make_bench())
-    write_json(tmp_path / "bench.json", table)
-    assert json.loads((tmp_path / "bench.json").read_text()) == table
+    write_json(tmp_path / "bench.json", plain(table))
+    assert record(BenchTable, json.loads((tmp_path / "bench.json").read_text())) == table

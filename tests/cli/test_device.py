@@ -100,6 +100,8 @@ def test_bench_writes_the_published_end_points(run, tmp_path):
     assert stiffness == sorted(stiffness)
     assert table["heel_stiffness_n_per_mm"] == pytest.approx(65.0, abs=2.0)
     assert {"simulated_s", "wall_s"} <= set(table)
+    assert [row["prediction"] for row in table["settings"]] == [False, True, True, True, False]
+    assert table["closed_form"]["r2"] > 0.98 and table["closed_form"]["rmse_n_per_mm"] < 1.37
     assert all({"mid_range_displacement_mm", "max_load_n"} <= set(row) for row in table["settings"])
     assert "prediction" in out
     assert {"bench.png", "bench.svg", "result.npz", "result.yaml"} <= {p.name for p in (tmp_path / "bench").iterdir()}
@@ -161,10 +163,10 @@ def test_bench_shows_cut_steps_of_all_passes_only_if_there_are_any(capsys, refin
     bench = make_bench()
     settings = tuple(dataclasses.replace(setting, refined_steps=refined) for setting in bench.settings)
     table = bench_table(dataclasses.replace(bench, settings=settings))
-    assert table["refined_steps"] == refined * len(settings)
-    print_text("bench", **table)
+    assert table.refined_steps == refined * len(settings)
+    print_text("bench", **vars(table))
     said = " ".join(capsys.readouterr().out.split())
-    assert (f"{table['refined_steps']} cut into smaller ones" in said) == bool(refined)
+    assert (f"{table.refined_steps} cut into smaller ones" in said) == bool(refined)
 
 
 # `export`.

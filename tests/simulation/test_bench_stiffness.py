@@ -152,10 +152,10 @@ def test_a_fitted_foot_of_two_heels_and_two_forefeet_is_pressed_as_the_bench_pre
               "contact.heel_posterior.rise": 3e-3}
     foot = replace(FOOT, zones=(*FOOT.zones[:-1], back, front))
     result = run_bench(model_with(replace(ModelParameters(), foot=foot), values), fulcrums_m=(0.066, 0.129))
-    for row, index in zip(bench_table(result)["settings"], (0, 1), strict=True):
+    for row, index in zip(bench_table(result).settings, (0, 1), strict=True):
         found = BenchStiffness(foot, fulcrums_m=(0.066, 0.129), heel=False, mid_range=True,
-                               max_load_n=row["max_load_n"]).displacement(values)[0]
-        assert 1e3 * found[index] == pytest.approx(row["mid_range_displacement_mm"], rel=3e-3)
+                               max_load_n=row.max_load_n).displacement(values)[0]
+        assert 1e3 * found[index] == pytest.approx(row.mid_range_displacement_mm, rel=3e-3)
     heel = BenchStiffness(foot, fulcrums_m=(), heel=True, mid_range=True).displacement(values)[0]
     assert heel[0] == pytest.approx(mid_range_displacement(*cut(result.heel, 600.0)), rel=3e-3)
 

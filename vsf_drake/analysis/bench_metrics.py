@@ -7,6 +7,7 @@ the foam no longer dominates. Published end points: Glanzer & Adamczyk 2018 (PMC
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ import numpy as np
 from vsf_drake.analysis.comparison import r_squared, rmse
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError
-from vsf_drake.files import plain
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.simulation.results import BenchResult, BenchSetting
 
@@ -61,48 +61,74 @@ def mid_range_displacement(displacement_m: np.ndarray, load_n: np.ndarray, *, wh
     return _position(x, load, 0.5 * load[-1])
 
 
-def bench_table(result: BenchResult) -> dict[str, Any]:
-    """The content of `bench.json`, in plain values.
+@dataclass(frozen=True, kw_only=True)
+class BenchPass:
+    """One pass of the machine; published is the prototype's stiffness, where it is known, else this is a prediction."""
 
-    `settings` are the forefoot passes by fulcrum position. `published_n_per_mm` is the measured
-    stiffness of the prototype where it is published; elsewhere `prediction` is true. `closed_form`
-    compares with an overhung beam with the same compliances (small deflections; `laws.beam`).
-    """
-    rows = []
-    for setting in (*result.forefoot, *([result.heel] if result.heel else [])):
-        where, x, published = _label(setting), displacement(setting), published_stiffness(setting.fulcrum_m)
-        rows.append({
-            "fulcrum_mm": None if setting.fulcrum_m is None else round(1e3 * setting.fulcrum_m, 9),
-            "stiffness_n_per_mm": 1e-3 * stiffness(x, setting.load_n, where=where),
-            "mid_range_displacement_mm": 1e3 * mid_range_displacement(x, setting.load_n, where=where),
-            "max_load_n": float(np.max(setting.load_n)),
-            "max_displacement_mm": 1e3 * float(x[-1]),
-            "unconverged_steps": setting.unconverged_steps,
-            "published_n_per_mm": None if published is None else 1e-3 * published,
-            "prediction": published is None,
-        })
-    forefoot = [row for row in rows if row["fulcrum_mm"] is not None]
-    heel = next((row["stiffness_n_per_mm"] for row in rows if row["fulcrum_mm"] is None), None)
-    simulated = np.array([row["stiffness_n_per_mm"] for row in forefoot])
+    fulcrum_mm: float | None  # None for the heel
+    stiffness_n_per_mm: float
+    mid_range_displacement_mm: float
+    max_load_n: float
+    max_displacement_mm: float
+    unconverged_steps: int
+    published_n_per_mm: float | None
+    prediction: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosedForm:
+    """An overhung beam with the same compliances (small deflections; `laws.beam`), and how near the bench comes."""
+
+    stiffness_n_per_mm: tuple[float, ...]  # of each forefoot pass
+    r2: float | None
+    rmse_n_per_mm: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchTable:
+    """The content of `bench.json`."""
+
+    settings: tuple[BenchPass, ...]  # of the forefoot, by fulcrum position
+    heel_stiffness_n_per_mm: float | None
+    heel_published_n_per_mm: float
+    closed_form: ClosedForm | None  # None where the foam is not linear, or without a forefoot pass
+    largest_load_asked_n: float
+    speed_mm_per_min: float
+    stiffness_above_n: float
+    simulated_s: float
+    wall_s: float
+    compile_s: float
+    unconverged_steps: int
+    refined_steps: int
+    converged: bool
+
+
+def bench_table(result: BenchResult) -> BenchTable:
+    """The numbers of a bench."""
+    forefoot = tuple(map(_bench_pass, result.forefoot))
+    simulated = np.array([row.stiffness_n_per_mm for row in forefoot])
     beam = closed_form_stiffness(result.parameters, np.array([s.fulcrum_m for s in result.forefoot], dtype=float))
-    content: dict[str, Any] = plain({
-        "settings": forefoot,
-        "heel_stiffness_n_per_mm": heel,
-        "heel_published_n_per_mm": 1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
-        "closed_form": None if beam is None or not forefoot else {
-            "stiffness_n_per_mm": 1e-3 * beam, "r2": r_squared(simulated, 1e-3 * beam),
-            "rmse_n_per_mm": rmse(simulated, 1e-3 * beam)},
-        "largest_load_asked_n": result.max_load_n,
-        "speed_mm_per_min": 60e3 * result.speed_m_per_s,
-        "stiffness_above_n": STIFFNESS_ABOVE_N,
-        "simulated_s": result.simulated_s,
-        "wall_s": result.wall_s,
-        "compile_s": result.compile_s,
-        "unconverged_steps": sum(setting.unconverged_steps for setting in result.settings),
-        "refined_steps": sum(setting.refined_steps for setting in result.settings),
-        "converged": result.converged,
-    })
-    return content
+    return BenchTable(
+        settings=forefoot, heel_stiffness_n_per_mm=_bench_pass(result.heel).stiffness_n_per_mm if result.heel else None,
+        heel_published_n_per_mm=1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
+        closed_form=None if beam is None or not forefoot else ClosedForm(
+            stiffness_n_per_mm=tuple((1e-3 * beam).tolist()), r2=r_squared(simulated, 1e-3 * beam),
+            rmse_n_per_mm=rmse(simulated, 1e-3 * beam)),
+        largest_load_asked_n=result.max_load_n, speed_mm_per_min=60e3 * result.speed_m_per_s,
+        stiffness_above_n=STIFFNESS_ABOVE_N, simulated_s=result.simulated_s, wall_s=result.wall_s,
+        compile_s=result.compile_s, unconverged_steps=sum(setting.unconverged_steps for setting in result.settings),
+        refined_steps=sum(setting.refined_steps for setting in result.settings), converged=result.converged)
+
+
+def _bench_pass(setting: BenchSetting) -> BenchPass:
+    where, x, published = _label(setting), displacement(setting), published_stiffness(setting.fulcrum_m)
+    return BenchPass(
+        fulcrum_mm=None if setting.fulcrum_m is None else round(1e3 * setting.fulcrum_m, 9),
+        stiffness_n_per_mm=1e-3 * stiffness(x, setting.load_n, where=where),
+        mid_range_displacement_mm=1e3 * mid_range_displacement(x, setting.load_n, where=where),
+        max_load_n=float(np.max(setting.load_n)), max_displacement_mm=1e3 * float(x[-1]),
+        unconverged_steps=setting.unconverged_steps,
+        published_n_per_mm=None if published is None else 1e-3 * published, prediction=published is None)
 
 
 def closed_form_stiffness(parameters: dict[str, Any], fulcrum_m: np.ndarray) -> np.ndarray | None:

@@ -50,7 +50,7 @@ def bench(
         result = run_bench(pressed, fulcrums_m=positions, heel=heel, max_load_n=max_load_n,
                            speed_m_per_s=1e-3 * speed_mm_per_min / 60.0, progress=lambda f: show("pressing", f),
                            inputs=contact_hash(contact))
-    print_text("bench", **write_bench(result, out))
+    print_text("bench", **vars(write_bench(result, out)))
     if contact:
         say(f"the foot has the fitted contact of {contact}")
     say(f"written to {out}")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.typing import ColorType
 
-from vsf_drake.analysis.bench_metrics import closed_form_stiffness, displacement, published_stiffness
+from vsf_drake.analysis.bench_metrics import BenchTable, closed_form_stiffness, displacement, published_stiffness
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
 from vsf_drake.analysis.metrics import Agreement
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
@@ -26,6 +26,7 @@ from vsf_drake.report.style import (
     NEUTRAL,
     SHADE,
     SIMULATED,
+    colour_of,
     condition_colour,
     condition_label,
     drawing,
@@ -48,8 +49,8 @@ _PANELS = (("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"
 _WIDE = 20.0  # ratio of largest to smallest value above which the axis is logarithmic
 
 
-def bench_figure(bench: BenchResult, table: Mapping[str, Any]) -> Figure:
-    """Load against displacement at every setting, and stiffness against fulcrum position; see `bench_table`.
+def bench_figure(bench: BenchResult, table: BenchTable) -> Figure:
+    """Load against displacement at every setting, and stiffness against fulcrum position.
 
     After Figure 4 of McGeehan 2021 (doi 10.1115/1.4050456), with the published end points beside it.
     """
@@ -57,8 +58,8 @@ def bench_figure(bench: BenchResult, table: Mapping[str, Any]) -> Figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
         _bench_curves(left, bench)
         _bench_stiffness(right, bench, table)
-        state = "" if bench.converged else f", {table['unconverged_steps']} STEPS NOT CONVERGED"
-        title = f"Testing machine, {table['speed_mm_per_min']:g} mm/min, up to {bench.max_load_n:g} N{state}"
+        state = "" if bench.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
+        title = f"Testing machine, {table.speed_mm_per_min:g} mm/min, up to {bench.max_load_n:g} N{state}"
         figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 
@@ -85,30 +86,30 @@ def _bench_curves(axes: Axes, bench: BenchResult) -> None:
           title=f"Load and displacement (dotted: {STIFFNESS_ABOVE_N:g} N, above which stiffness is the mean slope)")
 
 
-def _bench_stiffness(axes: Axes, bench: BenchResult, table: Mapping[str, Any]) -> None:
-    rows = table["settings"]
+def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
+    rows = [(row.fulcrum_mm, row) for row in table.settings if row.fulcrum_mm is not None]
     if rows:
-        span = np.linspace(rows[0]["fulcrum_mm"], rows[-1]["fulcrum_mm"], 100)
+        span = np.linspace(rows[0][0], rows[-1][0], 100)
         beam = closed_form_stiffness(bench.parameters, 1e-3 * span)
         if beam is not None:
             axes.plot(span, 1e-3 * beam, color=NEUTRAL, linewidth=1.2, linestyle=":",
                       label="overhung beam, small deflection")
-    for i, row in enumerate(rows):
-        colour = condition_colour(1e-3 * row["fulcrum_mm"])
-        if row["published_n_per_mm"] is not None:
-            axes.plot(row["fulcrum_mm"], row["published_n_per_mm"], marker="_", markersize=22, markeredgewidth=3.5,
+    for i, (fulcrum_mm, row) in enumerate(rows):
+        colour = colour_of(fulcrum_mm)
+        if row.published_n_per_mm is not None:
+            axes.plot(fulcrum_mm, row.published_n_per_mm, marker="_", markersize=22, markeredgewidth=3.5,
                       color=colour, alpha=MEASURED["alpha"], linestyle="")
-        axes.plot(row["fulcrum_mm"], row["stiffness_n_per_mm"], marker=MARKERS[i % len(MARKERS)], color=colour,
-                  markersize=7, linestyle="", markerfacecolor="none" if row["prediction"] else colour)
-        axes.annotate(f"{row['stiffness_n_per_mm']:.1f}", (row["fulcrum_mm"], row["stiffness_n_per_mm"]),
+        axes.plot(fulcrum_mm, row.stiffness_n_per_mm, marker=MARKERS[i % len(MARKERS)], color=colour,
+                  markersize=7, linestyle="", markerfacecolor="none" if row.prediction else colour)
+        axes.annotate(f"{row.stiffness_n_per_mm:.1f}", (fulcrum_mm, row.stiffness_n_per_mm),
                       xytext=(0, 8), textcoords="offset points", ha="center", fontsize=8)
     axes.plot([], [], linestyle="", marker="o", color=NEUTRAL, label="simulated, calibrated end point")
     axes.plot([], [], linestyle="", marker="o", markerfacecolor="none", color=NEUTRAL, label="simulated, prediction")
     axes.plot([], [], linestyle="", marker="_", markersize=14, markeredgewidth=3.5, color=NEUTRAL,
               alpha=MEASURED["alpha"], label="published")
-    heel = table["heel_stiffness_n_per_mm"]
+    heel = table.heel_stiffness_n_per_mm
     if heel is not None:
-        text = f"heel: {heel:.1f} N/mm (published {table['heel_published_n_per_mm']:g})"
+        text = f"heel: {heel:.1f} N/mm (published {table.heel_published_n_per_mm:g})"
         axes.text(0.98, 0.03, text, color=HEEL_COLOUR, transform=axes.transAxes, ha="right", fontsize=8)
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.1, y=0.15)

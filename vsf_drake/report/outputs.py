@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.bench_metrics import bench_table
+from vsf_drake.analysis.bench_metrics import BenchTable, bench_table
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.metrics import doubts, walk_metrics
 from vsf_drake.analysis.offsets import OffsetFit
@@ -41,13 +41,16 @@ SWEEP = ResultsFolder(kind="sweep", command="sweep", table="sweep.json", names=(
                       stale=_SWEEP_FIGURES, unfinished=lambda out: (out / "cache").is_dir())
 
 
-def write_bench(result: BenchResult, out: str | Path) -> dict[str, Any]:
+def write_bench(result: BenchResult, out: str | Path) -> BenchTable:
     """Writes bench.json, bench.png, bench.svg and the saved result to the folder `out`; returns the table."""
-    def more(folder: Path, table: dict[str, Any]) -> None:
+    table = bench_table(result)
+
+    def more(folder: Path, _: dict[str, Any]) -> None:
         save_bench(result, folder)
         save_figure(bench_figure(result, table), folder / "bench")
 
-    return BENCH.write(out, bench_table(result), more=more)
+    BENCH.write(out, plain(table), more=more)
+    return table
 
 
 def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: OffsetFit | None = None,
