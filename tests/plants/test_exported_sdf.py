@@ -6,12 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pressed_keel import keel_names, last_before, rise_in_drake
-from pydrake.common.value import Value
+from pressed_keel import rise_in_drake
 from pydrake.geometry import Role
-from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import (
     ForceElementIndex,
     LinearBushingRollPitchYaw,
@@ -20,7 +18,6 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantValueSource
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
@@ -156,29 +153,6 @@ def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe
     loads = np.array([200.0, 600.0])
     known = [keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads]
     np.testing.assert_allclose([rise_in_drake(plant, NOMINAL, load) for load in loads], known, rtol=apart)
-
-
-def test_foot_with_a_time_step_of_1_ms_comes_to_the_same_rest():
-    """400 N on the load point for 0.3 s: springs and support as at the start of each step, dampers as at its end."""
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
-    Parser(plant).AddModelsFromString(foot_sdf(NOMINAL, fulcrum_m=0.151), "sdf")
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("vsf_mount"))
-    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
-    plant.Finalize()
-    i, point = last_before(keel_names(NOMINAL)[1], NOMINAL.load_point_m)
-    body, push = plant.GetBodyByName(f"keel_body_{i}"), ExternallyAppliedSpatialForce()
-    push.body_index, push.p_BoBq_B = body.index(), point
-    push.F_Bq_W = SpatialForce(np.zeros(3), np.array([0.0, 0.0, 400.0]))
-    source = builder.AddSystem(ConstantValueSource(Value([push])))
-    builder.Connect(source.get_output_port(), plant.get_applied_spatial_force_input_port())
-    simulator = Simulator(builder.Build())
-    context = plant.GetMyContextFromRoot(simulator.get_context())
-    start = (body.EvalPoseInWorld(context) @ point)[2]
-    simulator.AdvanceTo(0.3)
-    rise = (body.EvalPoseInWorld(context) @ point)[2] - start
-    assert rise == pytest.approx(rise_in_drake(read(foot_sdf(NOMINAL, fulcrum_m=0.151), weight=False), NOMINAL, 400.0),
-                                 rel=1e-6)
 
 
 def test_file_alone_bears_a_load_dropped_on_drakes_own_contact():

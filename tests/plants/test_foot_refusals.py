@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_feet import PARAMETERS, add_loose_shank, foot_to_wire
-from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource, PassThrough
+from pydrake.systems.primitives import ConstantVectorSource
 
 from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, GroundPatch
@@ -129,29 +128,6 @@ def test_foot_is_wired_in_its_own_plant_after_finalize_and_before_its_force_port
         refused("another plant.*the plant that it was added to", wire_foot, builder, plant, foot)
     with pytest.raises(ValueError, match="bodies, but must be on one"):
         add_rigid_foot(builder, plant, own.sites, FrictionParameters(), Ground(), name="rigid")
-
-
-def test_pass_through_does_what_an_exported_force_port_would(ready):
-    """What the message advises: both kinds of force come in from outside, beside the foot's."""
-    builder, plant, foot = ready
-    wire_foot(builder, plant, foot)
-    spatial = builder.AddSystem(PassThrough(AbstractValue.Make([ExternallyAppliedSpatialForce()])))
-    joints = builder.AddSystem(PassThrough(plant.num_velocities()))
-    share_spatial_forces(builder, plant, spatial.get_output_port())
-    share_generalized_forces(builder, plant, joints.get_output_port())
-    builder.ExportInput(spatial.get_input_port(), "spatial")
-    builder.ExportInput(joints.get_input_port(), "joints")
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    shank, own = plant.GetBodyByName("shank"), plant.GetMyMutableContextFromRoot(context)
-    plant.SetFreeBodyPose(own, shank, RigidTransform([0.0, 0.0, 2.0]))
-    nothing = ExternallyAppliedSpatialForce()
-    nothing.body_index, nothing.p_BoBq_B = shank.index(), np.zeros(3)
-    diagram.GetInputPort("spatial").FixValue(context, AbstractValue.Make([nothing]))
-    up, weight = shank.floating_velocities_start_in_v() + 5, plant.CalcTotalMass(own) * 9.81
-    diagram.GetInputPort("joints").FixValue(context, weight * np.eye(plant.num_velocities())[up])
-    acceleration = diagram.EvalTimeDerivatives(context).CopyToVector()[plant.num_positions():]
-    assert (plant.CalcMassMatrix(own) @ acceleration)[up] == pytest.approx(0.0, abs=1e-3 * weight)
 
 
 def test_a_port_that_cannot_act_is_refused_and_leaves_those_that_do(ready):

@@ -256,22 +256,6 @@ def test_same_foot_twice_in_one_plant_is_one_alone_each_time(alone):
         wired[1].GetOutputPort("grf").Eval(wired[1].forces.GetMyContextFromRoot(context)), before)
 
 
-def test_two_diagrams_in_one_diagram_are_one_alone_each_time(alone):
-    builder = DiagramBuilder()
-    parts = []
-    for name in ("first", "second"):
-        made = loose_foot(base="quaternion")
-        made.diagram.set_name(name)
-        builder.AddSystem(made.diagram)
-        parts.append(made)
-    context = builder.Build().CreateDefaultContext()
-    for made, move in zip(parts, (0.0 * APART, APART), strict=True):
-        own = made.plant.GetMyMutableContextFromRoot(context)
-        put(made.plant, own, made.shank, made.foot, move)
-    for made, move in zip(parts, (0.0 * APART, APART), strict=True):
-        assert_alike(made.wired.forces, made.wired.forces.GetMyContextFromRoot(context), alone, move)
-
-
 def test_mirrored_foot_in_the_mirrored_state_has_the_mirrored_forces():
     """A foot whose heel stands to its left, and its mirror image: x-z is the mirror."""
     heel = PARAMETERS.zones[0]

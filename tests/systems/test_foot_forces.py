@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from made_feet import EVERY_BRANCH, GRAVITY_W, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
+from made_feet import GRAVITY_W, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
 from pydrake.autodiffutils import ExtractValue
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
@@ -154,17 +154,6 @@ def test_quaternion_and_angles_carry_the_foot_alike(feet, seed):
     np.testing.assert_allclose(quaternion.frame_acceleration(), angles.frame_acceleration(), rtol=1e-8)
 
 
-def test_held_foot_feels_what_the_loose_one_feels_in_the_same_state(feet):
-    held, loose = loose_foot(base="weld"), feet()
-    q, v = np.append(np.linspace(-0.005, 0.02, 9), 0.1), np.append(np.linspace(0.3, -0.4, 9), 0.0)
-    held.place(RigidTransform(), np.zeros(6), q, v)
-    loose.place(held.foot.frame.EvalPoseInWorld(held.plant_context), np.zeros(6), q, v)
-    expected = loose.outputs()
-    for name, value in held.outputs().items():
-        other = expected[name][-10:] if name == "generalized_force" else expected[name]
-        np.testing.assert_allclose(value, other, rtol=1e-8, atol=1e-9, err_msg=name)
-
-
 def momentum_rate(foot: LooseFoot) -> np.ndarray:
     """(6,) rate of angular momentum about the origin of W and of momentum, by central differences along the motion."""
     derivative = foot.diagram.EvalTimeDerivatives(foot.context).CopyToVector()
@@ -249,18 +238,6 @@ def test_step_is_felt_by_the_spheres_above_it_only():
                                atol=1e-12)
 
 
-def test_compliant_patch_is_a_spring_in_series_with_each_linear_sphere():
-    ground_stiffness = 1.3e4
-    foot = loose_foot(ground=Ground(patches=(GroundPatch(stiffness_n_per_m=ground_stiffness),)))
-    resting(foot, depth=4e-3)
-    sites, depth = foot.foot.sites, foot.output("depth")
-    linear = (sites.exponent == 1.0) & (depth > 0)
-    assert linear.sum() > 5
-    k = sites.stiffness[linear]
-    np.testing.assert_allclose(foot.output("normal_force")[linear],
-                               k * ground_stiffness / (k + ground_stiffness) * depth[linear], rtol=1e-9)
-
-
 def test_friction_of_a_patch_replaces_the_foots():
     """Fast enough sliding has the kinetic coefficient: McGeehan 2021, eq. (2). The ice lies in the floor's plane."""
     foot = loose_foot(ground=Ground(patches=(GroundPatch(), GroundPatch(name="ice", mu_static=0.2, mu_kinetic=0.1))))
@@ -276,34 +253,6 @@ def test_nothing_carries_beyond_the_bounds_of_all_patches(contact):
     foot.place(*some_state(1, depth=0.05))
     for name in ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force"):
         np.testing.assert_array_equal(foot.output(name), 0.0)
-
-
-def test_connected_position_replaces_the_parameter():
-    foot = loose_foot(fulcrum_m=0.07)
-    foot.place(*some_state(2))
-    by_parameter = foot.output("support_force")
-    foot.wired.forces.SetParameters(foot.forces_context, fulcrum_m=0.14)
-    moved = foot.output("support_force")
-    assert not np.allclose(moved, by_parameter, rtol=1e-3)
-    foot.wired.fulcrum_position.FixValue(foot.forces_context, [0.07])
-    np.testing.assert_array_equal(foot.output("support_force"), by_parameter)
-
-
-def test_each_parameter_acts_without_rebuilding():
-    for contact, unused in (("kelvin_voigt", {"dissipation", "depth_width", "rate_width"}),
-                            ("smooth", {"dissipation"}),
-                            ("hunt_crossley", {"damping", "full_damping_depth", "depth_width", "rate_width"})):
-        foot = loose_foot(contact=contact, ground=UNEVEN)
-        foot.wired.forces.SetParameters(foot.forces_context, **EVERY_BRANCH)
-        foot.place(*some_state(1, depth=6e-3))
-        before = foot.keel_rates()
-        for name in foot.wired.forces.parameter_names:
-            value = foot.wired.forces.GetParameter(foot.forces_context, name)
-            changed = [900.0, 999.0, 900.0, 999.0] if name == "ground_bounds" else value * 1.01 + 1e-5
-            foot.wired.forces.SetParameters(foot.forces_context, **{name: changed})
-            assert np.array_equal(foot.keel_rates(), before) == (name in unused), (contact, name)
-            foot.wired.forces.SetParameters(foot.forces_context, **{name: value})
-            np.testing.assert_array_equal(foot.keel_rates(), before)
 
 
 @pytest.mark.parametrize(("change", "message"), [

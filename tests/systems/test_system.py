@@ -286,113 +286,44 @@ def everything(rig):
     return diagram, systems, context
 
 
-def autodiff(diagram, context):
-    converted = diagram.ToAutoDiffXd()
-    ad_context = converted.CreateDefaultContext()
-    ad_context.SetTimeStateAndParametersFrom(context)
-    converted.FixInputPortsFrom(diagram, context, ad_context)
-    return converted, ad_context
-
-
-def derivatives(diagram, context, x):
-    context.SetContinuousState(x)
-    return diagram.EvalTimeDerivatives(context).CopyToVector()
-
-
-def state(context):
-    return context.get_continuous_state_vector().CopyToVector()
-
-
-def test_every_force_is_at_work_in_the_test_state(everything):
-    _, systems, context = everything
+def test_autodiff_derivatives_equal_central_differences_by_state_constants_and_fulcrum(everything):
+    """Of the accelerations and the ground reaction, at parameters that were changed in the Context; values too."""
+    diagram, systems, context = everything
     for name, port in (("contact", "normal_force"), ("friction", "friction_force"), ("fulcrum", "support_force"),
                        ("bushing", "wrench"), ("keel", "joint_moment"), ("driver", "tracking_error"),
                        ("machine", "load"), ("reaction", "grf")):
         system = systems[name]
         assert np.any(system.GetOutputPort(port).Eval(system.GetMyContextFromRoot(context)) != 0.0), name
-    contact = systems["contact"]
-    sub = contact.GetMyContextFromRoot(context)
-    assert np.any((contact.GetOutputPort("depth").Eval(sub) > 0) & (contact.GetOutputPort("depth_rate").Eval(sub) > 0))
-
-
-def test_autodiff_derivatives_equal_the_float_ones_with_the_parameters_of_the_context(everything):
-    diagram, systems, context = everything
-    contact = systems["contact"]
-    contact.SetParameters(contact.GetMyMutableContextFromRoot(context), stiffness=9e4, exponent=1.3)
-    converted, ad_context = autodiff(diagram, context)
-    expected = diagram.EvalTimeDerivatives(context).CopyToVector()
-    actual = ExtractValue(converted.EvalTimeDerivatives(ad_context).CopyToVector()).ravel()
-    np.testing.assert_allclose(actual, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
-
-
-def test_derivative_with_respect_to_the_state_equals_finite_differences(everything):
-    diagram, _, context = everything
-    converted, ad_context = autodiff(diagram, context)
-    x = state(context)
-    ad_context.SetContinuousState(InitializeAutoDiff(x).ravel())
-    actual = ExtractGradient(converted.EvalTimeDerivatives(ad_context).CopyToVector())
-    step = 1e-7
-    expected = np.stack(
-        [(derivatives(diagram, context, x + step * e) - derivatives(diagram, context, x - step * e)) / (2 * step)
-         for e in np.eye(len(x))], axis=1)
-    np.testing.assert_allclose(actual, expected, rtol=1e-4, atol=1e-7 * np.abs(expected).max())
-
-
-def test_gradient_of_the_whole_diagram_is_finite_at_rest_and_at_touch_down(rig, everything):
-    """Zero slip, depth exactly zero at one sphere, keel undeformed, bushing at its kink."""
-    diagram, systems, context = everything
-    for exponent in (1.0, 1.5, 7.66):
-        contact = systems["contact"]
-        contact.SetParameters(contact.GetMyMutableContextFromRoot(context), exponent=exponent)
-        x = np.zeros(18)
-        x[2] = rig.radius[0]
-        converted, ad_context = autodiff(diagram, context)
-        ad_context.SetContinuousState(InitializeAutoDiff(x).ravel())
-        assert np.all(np.isfinite(ExtractGradient(converted.EvalTimeDerivatives(ad_context).CopyToVector())))
-        for port in ("grf", "cop", "free_moment"):
-            value = converted.GetOutputPort(port).Eval(ad_context)
-            assert np.all(np.isfinite(ExtractGradient(value)))
-
-
-def test_derivative_with_respect_to_parameters_equals_finite_differences(everything):
-    diagram, systems, context = everything
-    contact = systems["contact"]
-    point = np.array([3e4, 1.5, 50.0, 0.05])
     names = ("stiffness", "exponent", "damping", "full_damping_depth")
+    x = np.concatenate((context.get_continuous_state_vector().CopyToVector(), [9e4, 1.3, 50.0, 0.05], [0.066]))
 
-    def force(values):
-        contact.SetParameters(
-            contact.GetMyMutableContextFromRoot(context), **dict(zip(names, values, strict=True)))
-        return diagram.GetOutputPort("grf").Eval(context).copy()
+    def rates(whole, root, values):
+        contact = whole.GetSubsystemByName("contact")
+        root.SetContinuousState(values[:18])
+        contact.SetParameters(contact.GetMyMutableContextFromRoot(root), **dict(zip(names, values[18:22], strict=True)))
+        whole.GetInputPort("fulcrum_position").FixValue(root, values[22:])
+        return np.concatenate((whole.EvalTimeDerivatives(root).CopyToVector(), whole.GetOutputPort("grf").Eval(root)))
 
-    step = 1e-6
-    expected = np.stack([
-        (force(point * (1 + step * e)) - force(point * (1 - step * e))) / (2 * step * point[i])
-        for i, e in enumerate(np.eye(4))], axis=1)
-    force(point)
-    converted, ad_context = autodiff(diagram, context)
-    ad_contact = converted.GetSubsystemByName("contact")
-    ad_contact.SetParameters(ad_contact.GetMyMutableContextFromRoot(ad_context),
-                             **dict(zip(names, InitializeAutoDiff(point).ravel(), strict=True)))
-    actual = ExtractGradient(converted.GetOutputPort("grf").Eval(ad_context))
-    np.testing.assert_allclose(actual, expected, rtol=1e-5)
-
-
-def test_derivative_with_respect_to_the_fulcrum_position_equals_finite_differences(everything):
-    diagram, systems, context = everything
-    port, fulcrum = diagram.GetInputPort("fulcrum_position"), systems["fulcrum"]
-
-    def force(position):
-        port.FixValue(context, [position])
-        return fulcrum.GetOutputPort("support_force").Eval(fulcrum.GetMyContextFromRoot(context))[0]
-
-    expected = (force(0.066 + 1e-6) - force(0.066 - 1e-6)) / 2e-6
-    force(0.066)
-    converted, ad_context = autodiff(diagram, context)
-    converted.GetInputPort("fulcrum_position").FixValue(ad_context, [AutoDiffXd(0.066, [1.0])])
-    ad_fulcrum = converted.GetSubsystemByName("fulcrum")
-    actual = ad_fulcrum.GetOutputPort("support_force").Eval(ad_fulcrum.GetMyContextFromRoot(ad_context))[0]
-    assert actual.derivatives()[0] == pytest.approx(expected, rel=1e-6)
+    converted = diagram.ToAutoDiffXd()
+    ad_context = converted.CreateDefaultContext()
+    ad_context.SetTimeStateAndParametersFrom(context)
+    converted.FixInputPortsFrom(diagram, context, ad_context)
+    exact = rates(converted, ad_context, InitializeAutoDiff(x).ravel())
+    plain = rates(diagram, context, x)
+    np.testing.assert_allclose(ExtractValue(exact).ravel(), plain, rtol=1e-10, atol=1e-10 * np.abs(plain).max())
+    steps = np.append(np.full(18, 1e-7), 1e-6 * np.maximum(np.abs(x[18:]), 1e-2))
+    expected = np.stack([(rates(diagram, context, x + h * e) - rates(diagram, context, x - h * e)) / (2 * h)
+                         for h, e in zip(steps, np.eye(len(x)), strict=True)], axis=1)
+    size = np.abs(expected).max(axis=0)
+    np.testing.assert_allclose(ExtractGradient(exact) / size, expected / size, rtol=1e-4, atol=1e-6)
+    # At rest and at touch-down: zero slip, depth exactly zero at one sphere, keel undeformed, bushing at its kink.
+    x[:18] = np.eye(18)[2] * systems["contact"].GetParameter(
+        systems["contact"].GetMyContextFromRoot(context), "radius")[0]
+    for exponent in (1.0, 1.5, 7.66):
+        x[19] = exponent
+        assert np.all(np.isfinite(ExtractGradient(rates(converted, ad_context, InitializeAutoDiff(x).ravel()))))
+        for port in ("grf", "cop", "free_moment"):
+            assert np.all(np.isfinite(ExtractGradient(converted.GetOutputPort(port).Eval(ad_context))))
 
 
 def test_changing_a_parameter_changes_the_output_without_rebuilding(everything):

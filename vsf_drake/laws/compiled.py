@@ -55,12 +55,12 @@ class Compiled(Protocol[_P, _R_co]):
 
 def sources_sha256(package: Path, parts: Iterable[str]) -> str:
     """Of names and content of all Python files and templates in `parts` (folders and files) of `package`."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     paths = [package / part for part in parts]
     for file in (file for path in paths for file in ([path] if path.suffix else sorted(
             file for kind in ("*.py", "*.j2") for file in path.rglob(kind)))):
-        found.update(f"\0{file.relative_to(package).as_posix()}\0".encode() + file.read_bytes())
-    return found.hexdigest()
+        digest.update(f"\0{file.relative_to(package).as_posix()}\0".encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 def compiled(function: Callable[_P, _R_co], **options: Any) -> Compiled[_P, _R_co]:

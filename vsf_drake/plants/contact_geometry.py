@@ -201,12 +201,13 @@ def add_ground_geometry(
 
 def _ground_friction(static: float, kinetic: float, foot: FrictionParameters, row: int) -> CoulombFriction:
     """What together with the foot's makes a patch's coefficients: Drake takes the harmonic mean."""
-    made = []
-    for name, mu, own in (("mu_static", static, foot.mu_static), ("mu_kinetic", min(kinetic, static), foot.mu_kinetic)):
-        require(mu == 0.0 or mu < 2.0 * own, f"{mu:g} is twice the foot's {own:g} or more; Drake takes the harmonic "
+    ground = []
+    for name, mu, sole in (("mu_static", static, foot.mu_static),
+                           ("mu_kinetic", min(kinetic, static), foot.mu_kinetic)):
+        require(mu == 0.0 or mu < 2.0 * sole, f"{mu:g} is twice the foot's {sole:g} or more; Drake takes the harmonic "
                 "mean", f"patches[{row}].{name}", "Raise the foot's own coefficient")
-        made.append(mu * own / (2.0 * own - mu) if mu > 0.0 else 0.0)
-    return CoulombFriction(max(made), made[1])
+        ground.append(mu * sole / (2.0 * sole - mu) if mu > 0.0 else 0.0)  # of mu = 2 sole ground / (sole + ground)
+    return CoulombFriction(max(ground), ground[1])
 
 
 def box_under(patch: GroundPatch, thickness_m: float) -> tuple[RigidTransform, Box]:

@@ -195,8 +195,8 @@ def _add_leg(
     extra = builder.AddNamedSystem("generalized_force", PassThrough(plant.num_velocities()))
     share_generalized_forces(builder, plant, extra.get_output_port())
     builder.ExportInput(extra.get_input_port(), "generalized_force")
-    own = {foot.instance for foot in feet}
-    if any(plant.get_joint_actuator(i).model_instance() not in own for i in plant.GetJointActuatorIndices()):
+    of_feet = {foot.instance for foot in feet}
+    if any(plant.get_joint_actuator(i).model_instance() not in of_feet for i in plant.GetJointActuatorIndices()):
         builder.ExportInput(plant.get_actuation_input_port(), "actuation")
     for name, part in wired.items():
         prefix = f"{name}_" if len(wired) > 1 else ""
@@ -292,9 +292,9 @@ def _add_guides(builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenar
 
 def _guided(plant: MultibodyPlant, name: str, where: str) -> Joint:
     """The joint `instance::name`, or `name` where it stands once."""
-    instance, _, own = name.rpartition("::")
+    instance, _, short = name.rpartition("::")
     with _refused(where, f"{name!r} is not in the model", right="Give it as instance::joint"):
-        joint = plant.GetJointByName(own, plant.GetModelInstanceByName(instance) if instance else None)
+        joint = plant.GetJointByName(short, plant.GetModelInstanceByName(instance) if instance else None)
     require(joint.num_velocities() == 1, f"{name!r} has {joint.num_velocities()} degrees of freedom", where,
             "A guide is for a joint of one")
     return joint
