@@ -63,16 +63,6 @@ def test_foot_set_back_under_the_body_frees_the_whole_pelvis():
     assert freed.stiffness_nm_per_rad > 0.0
 
 
-def test_left_person_stands_as_the_mirror_image_of_the_right_one():
-    subject = SUBJECTS["all different"]
-    right, left = (simulate_standing(replace(subject, prosthetic_side=side), ModelParameters(), duration_s=0.5)
-                   for side in ("right", "left"))
-    np.testing.assert_allclose(left.prosthetic_n, right.prosthetic_n, rtol=1e-6)
-    mirror = np.array([1, 1, -1, 1, -1, -1])
-    np.testing.assert_allclose(left.pelvis * mirror, right.pelvis, atol=1e-8)
-    assert left.notes == right.notes
-
-
 @pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), 1e6])
 def test_a_time_that_is_no_time_to_stand_is_refused(duration):
     with pytest.raises(InputError, match="no time to stand"):

@@ -427,12 +427,6 @@ def test_values_in_the_model_walk_as_values_of_the_walk(source, referred, values
     assert_same_walk(wanted, found, 1e-10)
 
 
-def test_offsets_and_shifts_in_the_trial_walk_as_values_of_the_walk(source, referred):
-    contact = made_contact(values=OF_THE_TRIAL, curves=(), trials=())
-    wanted = through(referred, source, values=OF_THE_TRIAL)
-    assert_same_walk(wanted, through(referred, trial_with(source, contact)), 1e-10)
-
-
 def test_a_fitted_trial_walks_as_the_fit_did_with_courses(source, referred):
     """The samples carry curve and path to the spline's accuracy: fourth order in a hundredth of a second."""
     contact = made_contact(trials=(replace(OWN, fingerprint=fingerprint(source)),))

@@ -1,20 +1,25 @@
-"""The sagittal model against the plant it is read from, statics in closed form, smooth laws, and its derivatives."""
+"""The sagittal model against the plant it is read from, smooth laws, derivatives; its balance walks as the stepper."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from pydrake.multibody.tree import BodyIndex, MultibodyForces
+from pydrake.systems.framework import Context
 
-from vsf_drake.analysis.tuning.level2.stride import quasi_static_motion
-from vsf_drake.errors import InputError
+from vsf_drake.analysis.tuning.level2.stride import BALANCED, quasi_static_motion
+from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws import bushing, kelvin_voigt, stick_slip
 from vsf_drake.laws.smooth_contact import rounded_positive_part
 from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters
+from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import (
     DESIGN,
@@ -25,13 +30,75 @@ from vsf_drake.simulation.sagittal.model import (
     SagittalModel,
     Smoothing,
     friction_coefficient,
-    normal,
     normal_force,
     positive_part_integral,
     spring_forces,
-    touch,
 )
 from vsf_drake.simulation.walk import Walker
+
+OFFSETS = GeometricOffsets(height_m=0.004, fore_aft_m=-0.006, alignment_rad=0.03)
+FULCRUMS = (0.066, 0.151)
+
+
+class Instants(NamedTuple):
+    """q, v, a (8, N), w, u (12, N), p (4, N)."""
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    w: np.ndarray
+    u: np.ndarray
+    p: np.ndarray
+
+
+def drawn(
+    model: SagittalModel, count: int, *, seed: int, speed: float = 1.0, depth: float = 0.015
+) -> Instants:
+    """Instants in which the lower foot is up to `depth` (m) in the ground; every second one has the other lower."""
+    rng = np.random.default_rng(seed)
+    q = 0.15 * rng.standard_normal((8, count))
+    v, a = speed * rng.standard_normal((8, count)), 5.0 * speed * rng.standard_normal((8, count))
+    w, u = 0.03 * rng.standard_normal((12, count)), 0.2 * speed * rng.standard_normal((12, count))
+    w[:2] *= 0.1
+    p = np.stack([rng.uniform(*FULCRUMS, count), rng.uniform(0.5, 2.0, count), 0.03 * rng.standard_normal(count),
+                  rng.uniform(0.8, 1.2, count)])
+    q[4, ::2] -= 1.0
+    q[6, 1::2] -= 1.0
+    q[2] = 1.2
+    soles = model.evaluate(q, v, a, w, u, p, Smoothing())[-2:]
+    q[2] -= soles.min(axis=0) + rng.uniform(0.2, 1.0, count) * depth
+    return Instants(q, v, a, w, u, p)
+
+
+@cache
+def _model(walker: Walker, offsets: GeometricOffsets) -> SagittalModel:
+    return SagittalModel(walker, offsets=offsets)
+
+
+@pytest.fixture(params=["right", "left"])
+def person(request, walker) -> tuple[Walker, SagittalModel]:
+    """The walker with the prosthesis on that side and its sagittal model with OFFSETS. Change neither."""
+    return walker(request.param), _model(walker(request.param), OFFSETS)
+
+
+def plant_state(walker: Walker, model: SagittalModel, at: Instants, i: int) -> tuple[Context, list[int]]:
+    """The plant's context at instant i, prosthesis with OFFSETS and the instant's turn; velocity indices of q, w."""
+    plant = walker.gait.plant
+    context = plant.CreateDefaultContext()
+    set_mount(context, walker.gait.person.foot, height=OFFSETS.height_m, fore_aft=OFFSETS.fore_aft_m,
+              alignment=OFFSETS.alignment_rad + at.p[2, i])
+    joints = {plant.get_joint(index).name(): plant.get_joint(index) for index in plant.GetJointIndices()}
+    positions, velocities = plant.GetPositions(context), plant.GetVelocities(context)
+    indices = []
+    for name, x, rate in zip((*model.coordinates, *model.quasi_static), (*at.q[:, i], *at.w[:, i]),
+                             (*at.v[:, i], *at.u[:, i]), strict=True):
+        positions[joints[name].position_start()], velocities[joints[name].velocity_start()] = x, rate
+        indices.append(joints[name].velocity_start())
+    positions[joints["fulcrum"].position_start()] = at.p[0, i]
+    plant.SetPositions(context, positions)
+    plant.SetVelocities(context, velocities)
+    return context, indices
+
 
 SHARP = Smoothing(depth_m=1e-6, rate_m_per_s=1e-6, friction_velocity_m_per_s=1e-6)
 
@@ -40,11 +107,11 @@ def spheres_of(walker, foot):
     return walker.gait.person.foot.sites if foot == "prosthetic" else walker.gait.person.intact_sites
 
 
-def test_inverse_dynamics_are_the_plants(person, drawn, plant_state):
+def test_inverse_dynamics_are_the_plants(person):
     """Gravity included; nothing else acts."""
     walker, model = person
     at = drawn(model, 12, seed=1)
-    motion = model.motion(*at.all)
+    motion = model.motion(*at)
     found = model.dynamics.joint_forces(motion, model.dynamics.of_carried(model.dynamics.inertial(motion)))
     plant = walker.gait.plant
     for i in range(12):
@@ -56,12 +123,12 @@ def test_inverse_dynamics_are_the_plants(person, drawn, plant_state):
         np.testing.assert_allclose(found[:20, i], known[indices], atol=1e-12 * np.abs(known).max())
 
 
-def test_ground_acts_as_the_laws_say_on_the_plants_spheres(person, drawn, plant_state):
+def test_ground_acts_as_the_laws_say_on_the_plants_spheres(person):
     """Slow enough that friction sticks: its fall beyond the threshold is not in the smooth law."""
     walker, model = person
     at = drawn(model, 12, seed=2, speed=0.01)
     at.p[1] = 1.0
-    y = dict(zip(model.outputs, model.evaluate(*at.all, SHARP), strict=True))
+    y = dict(zip(model.outputs, model.evaluate(*at, SHARP), strict=True))
     plant, loaded = walker.gait.plant, 0
     for i in range(12):
         context, _ = plant_state(walker, model, at, i)
@@ -89,11 +156,11 @@ def test_ground_acts_as_the_laws_say_on_the_plants_spheres(person, drawn, plant_
     assert loaded >= 8
 
 
-def test_power_below_the_shank_is_that_of_the_ground_at_the_shanks_point_over_it(person, drawn, plant_state):
+def test_power_below_the_shank_is_that_of_the_ground_at_the_shanks_point_over_it(person):
     """At the centre of pressure the ground has a force and no moment."""
     walker, model = person
     at = drawn(model, 12, seed=3)
-    y = dict(zip(model.outputs, model.evaluate(*at.all, Smoothing()), strict=True))
+    y = dict(zip(model.outputs, model.evaluate(*at, Smoothing()), strict=True))
     shank = walker.gait.plant.GetBodyByName(f"shank_{walker.subject.prosthetic_side}")
     tested = 0
     for i in range(12):
@@ -115,20 +182,11 @@ def test_prosthesis_turned_out_of_the_plane_is_refused(walker):
         SagittalModel(Walker(subject, ModelParameters()))
 
 
-OWN = np.array([0.108, 1.0, 0.0, 1.0])
-
-
-def weightless(walker) -> SagittalModel:
-    model = SagittalModel(walker)
-    model.dynamics.gravity = 0.0
-    return model
-
-
-def test_what_a_person_at_rest_lacks_is_weight_less_ground(person, drawn, plant_state):
+def test_what_a_person_at_rest_lacks_is_weight_less_ground(person):
     """Action equals reaction: forces, and moments about the pelvis with the plant's centre of mass."""
     walker, model = person
     at = drawn(model, 10, seed=20, speed=0.0)
-    y = dict(zip(model.outputs, model.evaluate(*at.all, Smoothing()), strict=True))
+    y = dict(zip(model.outputs, model.evaluate(*at, Smoothing()), strict=True))
     plant = walker.gait.plant
     for i in range(10):
         context, _ = plant_state(walker, model, at, i)
@@ -143,38 +201,16 @@ def test_what_a_person_at_rest_lacks_is_weight_less_ground(person, drawn, plant_
         assert y["balance_pelvis_tilt"][i] == pytest.approx(axis * need, abs=1e-9)
 
 
-@pytest.mark.parametrize("hip", [0.25, 0.0, -0.3])
-def test_what_the_ground_does_in_pressing_slowly_is_stored(walker, hip):
-    """Onto the heel, flat, and onto the forefoot, without weight: work by the trapezoidal rule, of second order."""
-    model, smoothing, count = weightless(walker("right")), Smoothing(depth_m=0.002), 401
-    q = np.zeros((8, count))
-    q[3], q[6] = hip, -1.2
-    q[2] = 1.5
-    still = np.zeros_like(q)
-    above = model.evaluate(q, still, still, *np.zeros((2, 12, count)), np.repeat(OWN[:, None], count, 1), smoothing)
-    q[2] -= above[model.outputs.index("prosthetic_sole"), 0] + np.linspace(-0.012, 0.025, count)
-    w, u = quasi_static_motion(model, q, still, still, OWN, sp.csr_matrix((count, count)), smoothing)
-    p = np.repeat(OWN[:, None], count, 1)
-    at = touch(model.spheres, model.motion(q, still, still, w, u, p), model.ground)
-    fz = normal(model.spheres, at.depth, -at.vz, p[1], smoothing)
-    lift = at.z - q[2]
-    work = 0.5 * ((fz[:, 1:] + fz[:, :-1]) * np.diff(lift, axis=1)).sum(axis=0)
-    y = model.evaluate(q, still, still, w, u, p, smoothing)
-    stored = y[model.outputs.index("stored_energy")]
-    assert y[model.outputs.index("prosthetic_fz")].max() > 200.0
-    np.testing.assert_allclose(np.cumsum(work), stored[1:] - stored[0], atol=2e-4 * stored.max())
-
-
-def same(person, drawn, p, other, p_other):
+def same(person, p, other, p_other):
     _, model = person
     at = drawn(model, 10, seed=30)
     at.p[0], at.p[1:] = 0.108, np.array([1.0, 0.0, 1.0])[:, None]
     mine, theirs = at.p.copy(), at.p.copy()
     mine[DESIGN.index(p[0])], theirs[DESIGN.index(p_other[0])] = p[1], p_other[1]
-    found = model.evaluate(*at.all[:5], mine, Smoothing())
-    known = other.evaluate(*at.all[:5], theirs, Smoothing())
+    found = model.evaluate(*at[:5], mine, Smoothing())
+    known = other.evaluate(*at[:5], theirs, Smoothing())
     np.testing.assert_allclose(found, known, rtol=1e-12, atol=1e-9)
-    plain = model.evaluate(*at.all, Smoothing())
+    plain = model.evaluate(*at, Smoothing())
     assert np.abs(found - plain).max() > 1.0
 
 
@@ -184,28 +220,28 @@ def changed(person, values=None, **offsets):
     return SagittalModel(walker, offsets=GeometricOffsets(**own), values=values)
 
 
-def test_heel_stiffness_is_that_of_all_zones_at_the_heel(person, drawn):
+def test_heel_stiffness_is_that_of_all_zones_at_the_heel(person):
     walker, _ = person
     zones = [name for name in walker.gait.person.foot.sites.zone_names if name.startswith("heel")]
     assert len(zones) == 3
     values = {f"contact.{zone}.stiffness": 1.7 * walker.variables[f"contact.{zone}.stiffness"].default
               for zone in zones}
-    same(person, drawn, ("heel_stiffness", 1.7), changed(person, values), ("heel_stiffness", 1.0))
+    same(person, ("heel_stiffness", 1.7), changed(person, values), ("heel_stiffness", 1.0))
 
 
-def test_alignment_turns_the_foot_on_its_mount(person, drawn):
-    same(person, drawn, ("alignment_rad", -0.05), changed(person, alignment_rad=-0.02), ("alignment_rad", 0.0))
+def test_alignment_turns_the_foot_on_its_mount(person):
+    same(person, ("alignment_rad", -0.05), changed(person, alignment_rad=-0.02), ("alignment_rad", 0.0))
 
 
-def test_thickness_bends_as_its_cube(person, drawn):
+def test_thickness_bends_as_its_cube(person):
     """As a modulus that is so much higher, with the joints' damping in proportion."""
     walker, _ = person
     values = {"keel.flexural_modulus": 1.25**3 * walker.variables["keel.flexural_modulus"].default}
-    same(person, drawn, ("keel_thickness", 1.25), changed(person, values), ("keel_thickness", 1.0))
+    same(person, ("keel_thickness", 1.25), changed(person, values), ("keel_thickness", 1.0))
 
 
-def test_shift_of_the_fulcrum_adds_to_its_position(person, drawn):
-    same(person, drawn, ("fulcrum_m", 0.125), changed(person, {"fulcrum.shift": 0.01}), ("fulcrum_m", 0.115))
+def test_shift_of_the_fulcrum_adds_to_its_position(person):
+    same(person, ("fulcrum_m", 0.125), changed(person, {"fulcrum.shift": 0.01}), ("fulcrum_m", 0.115))
 
 
 SMOOTHINGS = [Smoothing(depth_m=0.002), Smoothing(depth_m=0.01, friction_velocity_m_per_s=0.5, damping=0.0)]
@@ -214,30 +250,30 @@ SIZES = (8, 8, 8, 12, 12, 4)
 
 def stepped(at, steps):
     """The arguments (n, 52, N), each changed by its own of `steps` (52,)."""
-    wide = np.repeat(np.concatenate(at.all)[:, None], sum(SIZES), 1).astype(np.result_type(steps))
+    wide = np.repeat(np.concatenate(at)[:, None], sum(SIZES), 1).astype(np.result_type(steps))
     every = np.arange(sum(SIZES))
     wide[every, every] += steps[:, None]
     return np.split(wide, np.cumsum(SIZES)[:-1])
 
 
 @pytest.mark.parametrize("smoothing", SMOOTHINGS)
-def test_closed_form_is_that_of_complex_steps(person, drawn, smoothing):
+def test_closed_form_is_that_of_complex_steps(person, smoothing):
     _, model = person
     at = drawn(model, 40, seed=4)
-    values, by = linearise(model, *at.all, smoothing)
+    values, by = linearise(model, *at, smoothing)
     known = model.evaluate(*stepped(at, np.full(sum(SIZES), 1j * IMAGINARY_STEP)), smoothing).imag / IMAGINARY_STEP
-    plain = model.evaluate(*at.all, smoothing)
+    plain = model.evaluate(*at, smoothing)
     np.testing.assert_allclose(values, plain, atol=1e-12 * np.abs(plain).max())
     largest = np.abs(known).max(axis=(1, 2), keepdims=True)
     assert (np.abs(by - known) / largest).max() < 1e-12
 
 
 @pytest.mark.parametrize("smoothing", SMOOTHINGS)
-def test_derivatives_are_those_of_central_differences(person, drawn, smoothing):
+def test_derivatives_are_those_of_central_differences(person, smoothing):
     """Off by h^2 / 6 of the third derivative, of some 1 / width^2, over smooth corners no narrower than 0.2 mm."""
     _, model = person
     at = drawn(model, 6, seed=5)
-    by = linearise(model, *at.all, smoothing)[1]
+    by = linearise(model, *at, smoothing)[1]
     h = 1e-6 * np.repeat([1.0, 10.0, 10.0, 0.1, 1.0, 0.1], SIZES)
     more, less = (model.evaluate(*stepped(at, sign * h), smoothing) for sign in (1.0, -1.0))
     known = (more - less) / (2.0 * h[:, None])
@@ -249,7 +285,7 @@ def turns(model, count, seed):
     return 0.08 * np.random.default_rng(seed).standard_normal((len(model.support.starts), count))
 
 
-def test_deflection_is_the_height_of_the_plants_keel_at_the_fulcrum(person, drawn, plant_state):
+def test_deflection_is_the_height_of_the_plants_keel_at_the_fulcrum(person):
     walker, model = person
     at, starts, foot, plant = drawn(model, 30, seed=7), model.support.starts, walker.gait.person.foot, walker.gait.plant
     for i in range(30):
@@ -264,7 +300,7 @@ def test_deflection_is_the_height_of_the_plants_keel_at_the_fulcrum(person, draw
         assert found == pytest.approx(point[2, 0], abs=1e-15 if far else near)
 
 
-def test_everything_has_one_derivative_by_the_fulcrum_at_and_around_a_joint(person, drawn):
+def test_everything_has_one_derivative_by_the_fulcrum_at_and_around_a_joint(person):
     """Two instants d = 2e-9 m apart see the same derivatives, but for d / width of the largest of the keel's joints."""
     _, model = person
     at = drawn(model, 10, seed=9)
@@ -275,7 +311,7 @@ def test_everything_has_one_derivative_by_the_fulcrum_at_and_around_a_joint(pers
             by = []
             for side in (-1e-9, 1e-9):
                 at.p[0] = start + edge + side
-                by.append(linearise(model, *at.all, Smoothing())[1][:, by_fulcrum])
+                by.append(linearise(model, *at, Smoothing())[1][:, by_fulcrum])
             largest = np.abs(by[0]).max(axis=1) + 1e-9
             largest[keel] = largest[keel].max()
             assert (np.abs(by[1] - by[0]).max(axis=1) / largest).max() < 10.0 * 2e-9 / SUPPORT_WIDTH
@@ -363,3 +399,86 @@ def test_socket_is_the_bushing_up_to_its_corners():
 def test_smoothing_without_meaning_is_refused(bad):
     with pytest.raises(InputError, match="not usable"):
         Smoothing(**bad)
+
+
+STEP_S = 0.005
+OWN = np.array([0.108, 1.0, 0.0, 1.0])
+SHARPER = Smoothing(depth_m=1e-4, rate_m_per_s=0.002)
+
+
+def backward_rates(count):
+    """Rates by the second-order backward difference, from rest."""
+    rates = sp.lil_matrix((count, count))
+    rates[1, 0], rates[1, 1] = -1.0, 1.0
+    for i in range(2, count):
+        rates[i, i - 2:i + 1] = [0.5, -2.0, 1.5]
+    return rates.tocsr() / STEP_S
+
+
+def planar(motion, names):
+    """The motion without what leaves the sagittal plane."""
+    values = [motion.values[:, i] if name in names else 0.0 * motion.time_s for i, name in enumerate(motion.names)]
+    return CoordinateTrajectory(motion.time_s, np.column_stack(values), motion.names)
+
+
+@pytest.fixture(scope="module")
+def rolling(walker, motion):
+    """A walker whose friction does not fall beyond its threshold, where the smooth law is not the stepper's; its
+    sagittal model, a planar roll-over and the instants at which it is looked at."""
+    parameters, subject = ModelParameters(), walker("right").subject
+    level = replace(parameters.foot.friction, mu_kinetic=parameters.foot.friction.mu_static)
+    parameters = replace(parameters, foot=replace(parameters.foot, friction=level),
+                         intact_foot=replace(parameters.intact_foot, friction=level))
+    person = Walker(subject, parameters)
+    model = SagittalModel(person)
+    path, time = planar(motion("right"), model.coordinates), np.arange(0.02, 0.9, STEP_S)
+    return person, model, path, time, [x.T for x in path.ordered(model.coordinates).sample(time)]
+
+
+@pytest.fixture(scope="module")
+def balanced(rolling):
+    _, model, _, time, state = rolling
+    rates = backward_rates(len(time))
+    first, _ = quasi_static_motion(model, *state, OWN, rates, Smoothing())
+    return quasi_static_motion(model, *state, OWN, rates, SHARPER, start=first)
+
+
+def test_every_joint_is_in_balance_at_every_instant(rolling, balanced):
+    _, model, _, time, state = rolling
+    y = model.evaluate(*state, *balanced, np.repeat(OWN[:, None], len(time), 1), SHARPER)
+    assert np.abs(y[3:15]).max() <= BALANCED * model.weight
+
+
+def test_ground_reaction_is_the_steppers_but_for_the_inertia_of_what_yields(rolling, balanced):
+    """What is left out is the acceleration of keel and socket in themselves: its force, in the mean square, and twice
+    what the stepper changes by in half its step bound the difference. That is less than 0.5 % of body weight."""
+    person, model, path, time, state = rolling
+    w, u = balanced
+    p = np.repeat(OWN[:, None], len(time), 1)
+    y = dict(zip(model.outputs, model.evaluate(*state, w, u, p, SHARPER), strict=True))
+    coarse, fine = (person.walk(path, fulcrum_m=OWN[0], start_s=0.0, end_s=0.9, step_s=h) for h in (1e-3, 5e-4))
+    own = (backward_rates(len(time)) @ u.T).T
+    nil = np.zeros((2, len(time)))
+    dynamics, still = model.dynamics, model.motion(*state, w, u, p)
+    moved = dynamics.move(np.concatenate([state[0], w, p[:1], p[2:3]]), np.concatenate([state[1], u, nil]),
+                          np.concatenate([state[2], own, nil]))
+    left_out = (dynamics.inertial(moved) - dynamics.inertial(still)).sum(axis=1)
+
+    def size(x):
+        return np.sqrt((x * x).mean())
+
+    for name, column, missing in (("prosthetic_fx", 0, left_out[1]), ("prosthetic_fz", 2, left_out[2])):
+        known, other = (np.interp(time, walk.record.time_s, walk.prosthetic.grf_W[:, column])
+                        for walk in (fine, coarse))
+        assert size(y[name] - known) <= size(missing) + 2.0 * size(other - known)
+        assert size(y[name] - known) < 0.005 * model.weight
+    assert y["prosthetic_fz"].max() > 0.9 * model.weight
+
+
+def test_motion_without_balance_says_where(rolling):
+    _, model, _, time, state = rolling
+    q = state[0].copy()
+    q[2, 40] = np.nan
+    place = f"at instant 41 of {len(time)} socket_tx is off by nan"
+    with pytest.raises(SimulationError, match=f"find no balance .* {place}"):
+        quasi_static_motion(model, q, *state[1:], OWN, backward_rates(len(time)), Smoothing())

@@ -96,37 +96,21 @@ def assert_equal(found, wanted):
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=TOLERANCE * max(np.abs(wanted).max(), 1e-3))
 
 
-def test_poses_are_drakes(case):
+def test_poses_joint_motions_velocities_and_accelerations_are_drakes(case):
+    """Spatial vectors are of the point at the world's origin: v - w x p, and for accelerations a - alpha x p - w x v,
+    with gravity as one of the world."""
+    world, accelerations = case.plant.world_frame(), case.plant.CalcSpatialAccelerationsFromVdot(case.context, case.a)
     for b, body in case.bodies():
-        X = body.EvalPoseInWorld(case.context)
+        X, V = body.EvalPoseInWorld(case.context), body.EvalSpatialVelocityInWorld(case.context)
+        p, w, v = X.translation(), V.rotational(), V.translational()
         assert_equal(case.motion.R[b], X.rotation().matrix())
-        assert_equal(case.motion.p[b], X.translation())
-
-
-def test_joint_motions_are_drakes_jacobian_of_the_point_at_the_worlds_origin(case):
-    world = case.plant.world_frame()
-    for b, body in case.bodies():
-        p_BoWo_B = body.EvalPoseInWorld(case.context).inverse().translation()
+        assert_equal(case.motion.p[b], p)
         J = case.plant.CalcJacobianSpatialVelocity(
-            case.context, JacobianWrtVariable.kV, body.body_frame(), p_BoWo_B, world, world)
+            case.context, JacobianWrtVariable.kV, body.body_frame(), X.inverse().translation(), world, world)
         assert_equal(np.where(case.tree.ancestors[b], case.motion.S.T, 0.0), J)
-
-
-def test_velocities_are_drakes(case):
-    for b, body in case.bodies():
-        V = body.EvalSpatialVelocityInWorld(case.context)
-        p = body.EvalPoseInWorld(case.context).translation()
-        assert_equal(case.motion.V[b], [*V.rotational(), *(V.translational() - np.cross(V.rotational(), p))])
-
-
-def test_accelerations_are_drakes_with_gravity_as_one_of_the_world(case):
-    """The origin's acceleration in the sense of spatial vectors: a_B - alpha x p - w x v_B."""
-    found = case.plant.CalcSpatialAccelerationsFromVdot(case.context, case.a)
-    for b, body in case.bodies():
-        V, p = body.EvalSpatialVelocityInWorld(case.context), body.EvalPoseInWorld(case.context).translation()
-        alpha, a = found[b].rotational(), found[b].translational()
-        a = a - np.cross(alpha, p) - np.cross(V.rotational(), V.translational())
-        assert_equal(case.motion.A[b], [*alpha, *(a - case.tree.gravity)])
+        assert_equal(case.motion.V[b], [*w, *(v - np.cross(w, p))])
+        alpha, a = accelerations[b].rotational(), accelerations[b].translational()
+        assert_equal(case.motion.A[b], [*alpha, *(a - np.cross(alpha, p) - np.cross(w, v) - case.tree.gravity)])
 
 
 def test_inverse_dynamics_with_gravity_are_drakes(case):
