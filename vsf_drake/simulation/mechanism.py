@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -22,20 +22,13 @@ from vsf_drake.plants.wiring import velocity_indices
 from vsf_drake.simulation.stepping.stepper import Mechanism
 from vsf_drake.simulation.stepping.tree import tree_of
 from vsf_drake.simulation.variables import Variable, check_number
+from vsf_drake.systems._system import System
 from vsf_drake.systems.foot_forces import FootForces
 
 UNLIMITED = 1e30
 LARGEST_KEEL_ANGLE = 1.0  # turn of one keel joint (rad) beyond which a leaf spring would long have broken (a choice)
 LARGEST_SOCKET_SHIFT, LARGEST_SOCKET_ANGLE = 0.1, 1.0
 """Displacement of the socket (m, rad) beyond which it is no longer on the limb (a choice)."""
-
-
-class _Parametrised(Protocol):
-    """A system of this package whose parameters have names."""
-
-    def GetMyContextFromRoot(self, root_context: Context, /) -> Any: ...
-
-    def GetParameter(self, context: Any, name: str) -> np.ndarray: ...
 
 
 def bench_mechanism(bench: BenchDiagram, context: Context) -> Mechanism:
@@ -117,7 +110,7 @@ def supported_over(mechanism: Mechanism, width_m: float) -> Mechanism:
     return dataclasses.replace(mechanism, support_width=width)
 
 
-def _reader(system: _Parametrised, context: Context) -> Callable[[str], Any]:
+def _reader(system: System, context: Context) -> Callable[[str], Any]:
     system_context = system.GetMyContextFromRoot(context)
     return lambda name: system.GetParameter(system_context, name)
 

@@ -39,18 +39,10 @@ def test_a_member_that_holds_what_cannot_be_walked_is_refused_by_the_fields_name
     assert len(outcome.failure) < 500
 
 
-@pytest.mark.parametrize("given", [None, "walk", 3])
-def test_what_is_no_trial_is_refused_before_anything_runs(sweep, walks, given):
-    with pytest.raises(InputError, match=f"member 1 is a {type(given).__name__}, no Trial"):
-        simulate_many([*sweep(1), WalkCase(trial=given)], workers=1)
+def test_what_is_no_trial_is_refused_before_anything_runs(sweep, walks):
+    with pytest.raises(InputError, match="member 1 is a str, no Trial"):
+        simulate_many([*sweep(1), WalkCase(trial="walk")], workers=1)
     assert not walks
-
-
-def test_a_function_may_return_one_number_a_list_or_an_array(trial):
-    outcomes = simulate_many([WalkCase(trial=trial, fulcrum_m=f) for f in (
-        lambda t: 0.1, lambda t: [0.1] * len(t), lambda t: np.full(t.shape, 0.1))], keep=["fulcrum_m"], workers=1)
-    for outcome in outcomes:
-        np.testing.assert_array_equal(outcome.arrays["fulcrum_m"], 0.1)
 
 
 def test_nobody_can_put_other_arrays_into_an_outcome(sweep):
