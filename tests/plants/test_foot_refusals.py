@@ -18,7 +18,6 @@ from vsf_drake.errors import InputError
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import FrictionParameters, ModelParameters
 from vsf_drake.plants import add_foot, mirrored, share_generalized_forces, share_spatial_forces, wire_foot
-from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot_wiring import add_rigid_foot
 from vsf_drake.systems.fulcrum import FulcrumCommand
 
@@ -177,23 +176,3 @@ def test_fulcrum_in_millimetres_is_told_at_the_first_evaluation(ready):
     context = command.CreateDefaultContext()
     command.GetInputPort("fulcrum_position").FixValue(context, [108.0])
     refused("in metres", command.GetOutputPort("desired_state").Eval, context)
-    diagram = make_bench(PARAMETERS).diagram
-    root = diagram.CreateDefaultContext()
-    diagram.GetInputPort("fulcrum_position").FixValue(root, [108.0])
-    refused("in metres", diagram.GetOutputPort("support_force").Eval, root)
-
-
-def test_parameters_are_set_in_no_other_context_than_the_systems_own(ready):
-    builder, plant, foot = ready
-    wired = wire_foot(builder, plant, foot)
-    root = builder.Build().CreateDefaultContext()
-
-    def numbers():
-        return np.concatenate([root.get_numeric_parameter(i).CopyToVector()
-                               for i in range(root.num_numeric_parameter_groups())])
-
-    before = numbers()
-    for context in (root, plant.GetMyMutableContextFromRoot(root)):
-        refused("GetMyMutableContextFromRoot", wired.forces.SetParameters, context, fulcrum_m=0.12)
-        refused("vsf_forces", wired.forces.GetParameter, context, "fulcrum_m")
-    np.testing.assert_array_equal(numbers(), before)

@@ -136,18 +136,6 @@ def test_foot_of_a_model_within_a_namespace_is_found_and_wired(tmp_path):
     builder.Build()
 
 
-def test_two_parsed_feet_are_told_apart():
-    plant = MultibodyPlant(0.0)
-    parser = Parser(plant)
-    parser.SetAutoRenaming(True)
-    for _ in range(2):
-        parser.AddModelsFromString(foot_sdf(FOOT), "sdf")
-    feet = [find_foot(plant, name, FOOT) for name in ("vsf", "vsf_1")]
-    assert [foot.name for foot in feet] == ["vsf", "vsf_1"]
-    assert feet[0].frame.index() != feet[1].frame.index()
-    assert set(feet[1].sites.body_indices) <= {body.index() for body in (feet[1].frame, *feet[1].keel)}
-
-
 @pytest.fixture
 def with_floor():
     """(builder, plant, scene_graph): the SDF's foot over a floor, its mount a little lower than it stands."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Role, SceneGraph, Sphere
+from pydrake.geometry import Role, SceneGraph, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
@@ -118,27 +118,6 @@ def test_two_feet_are_drawn_each_on_its_own_bodies():
         # frame and pieces one each, carriage and roller, the spheres of the model
         assert len(own) == 1 + len(foot.keel) + 2 + len(foot.sites.radius)
     assert inspector.NumGeometriesWithRole(Role.kProximity) == 0
-
-
-def test_drawn_keel_pieces_fill_the_keel_from_end_to_end():
-    plant, scene_graph = registered_plant()
-    foot = add_foot(plant, plant.world_frame(), FootParameters())
-    add_foot_visuals(plant, foot)
-    plant.Finalize()
-    inspector, context, keel = scene_graph.model_inspector(), plant.CreateDefaultContext(), foot.parameters.keel
-    X_KW = foot.frame.EvalPoseInWorld(context).inverse()
-    ends = []
-    for body in foot.keel:
-        frame = plant.GetBodyFrameIdOrThrow(body.index())
-        piece = inspector.GetGeometryIdByName(frame, Role.kIllustration, "vsf::piece")
-        shape, centre = inspector.GetShape(piece), inspector.GetPoseInFrame(piece).translation()
-        assert isinstance(shape, Box)
-        assert (shape.width(), shape.depth(), shape.height())[1:] == (keel.width_m, keel.thickness_m)
-        p_KG = X_KW @ body.EvalPoseInWorld(context) @ centre
-        ends.append(p_KG[0] + 0.5 * shape.width() * np.array([-1.0, 1.0]))
-        assert p_KG[1:] == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose([low for low, _ in ends], [0.0, *(high for _, high in ends[:-1])], atol=1e-12)
-    assert ends[-1][1] == pytest.approx(sum(keel.element_lengths_m))
 
 
 def test_plants_that_take_no_shapes_and_feet_that_have_them_are_refused_with_the_remedy():

@@ -46,20 +46,6 @@ def feet():
     return foot
 
 
-def device_systems(plant, foot):
-    """Keel springs, fulcrum support and the carriage's servo."""
-    fulcrum = foot.parameters.fulcrum
-    return (
-        KeelElasticity(num_velocities=plant.num_velocities(),
-                       velocity_indices=velocity_indices(plant, foot.keel_joint_names),
-                       stiffness=foot.joint_stiffness, damping=foot.joint_damping),
-        FulcrumSupport(frame_body_index=foot.frame.index(), X_FK=RigidTransform(),
-                       keel_body_indices=[body.index() for body in foot.keel], keel_body_starts=foot.keel_starts,
-                       stiffness=fulcrum.stiffness_n_per_m,
-                       damping=fulcrum.stiffness_n_per_m * fulcrum.damping_time_s),
-        servo(plant, (foot.carriage_joint_name,), np.array([fulcrum.carriage_mass_kg])))
-
-
 class Apart:
     """The same foot under the same shank with every force from a system of its own."""
 
@@ -68,7 +54,17 @@ class Apart:
         self.plant = builder.AddSystem(MultibodyPlant(0.0))
         foot = add_foot(self.plant, add_loose_shank(self.plant, "rpy").body_frame(), PARAMETERS)
         self.plant.Finalize()
-        keel, support, carriage = (builder.AddSystem(system) for system in device_systems(self.plant, foot))
+        fulcrum = foot.parameters.fulcrum
+        keel = builder.AddSystem(KeelElasticity(
+            num_velocities=self.plant.num_velocities(),
+            velocity_indices=velocity_indices(self.plant, foot.keel_joint_names),
+            stiffness=foot.joint_stiffness, damping=foot.joint_damping))
+        support = builder.AddSystem(FulcrumSupport(
+            frame_body_index=foot.frame.index(), X_FK=RigidTransform(),
+            keel_body_indices=[body.index() for body in foot.keel], keel_body_starts=foot.keel_starts,
+            stiffness=fulcrum.stiffness_n_per_m, damping=fulcrum.stiffness_n_per_m * fulcrum.damping_time_s))
+        carriage = builder.AddSystem(
+            servo(self.plant, (foot.carriage_joint_name,), np.array([fulcrum.carriage_mass_kg])))
         desired = builder.AddSystem(AffineSystem(D=np.array([[1.0], [0.0]])))
         builder.Connect(desired.get_output_port(), carriage.GetInputPort("desired_state"))
         builder.ExportInput(support.GetInputPort("fulcrum_position"), "fulcrum_position")

@@ -70,16 +70,6 @@ def test_steady_speed_and_power_are_those_of_the_motor_line(support, axial):
     assert work == pytest.approx(load * speed * 0.2, rel=1e-3)
 
 
-@pytest.mark.parametrize("axial", [-200.0, 50.0])
-def test_pushed_along_the_rail_the_locked_carriage_creeps_less_than_the_bound(axial):
-    actuator, simulator, context = run(axial_load=axial, support_force=-3000.0)
-    simulator.AdvanceTo(0.1)
-    bound = 0.1 * law.locked_creep_speed(TANGENT, FRICTION, P.creep_speed_m_per_s)
-    moved = values(actuator, context)["fulcrum_position"] - 0.108
-    assert 0.0 < moved * math.copysign(1.0, axial) < bound
-    assert values(actuator, context)["energy"] == 0.0
-
-
 def test_energy_taken_is_kinetic_energy_and_work_and_losses():
     """While it gets under way, runs, brakes before the target and rests; the motor is switched off at 0.3 s."""
     actuator, simulator, context = run(start=0.12, desired_position=0.145, enabled=1.0, support_force=20.0)
