@@ -68,7 +68,7 @@ def test_settings_and_repeats_are_sorted_with_the_heel_last(tmp_path):
 
 def test_displacement_counts_from_touch_down_wherever_the_machine_stood(tmp_path):
     """The machine's own zero, a way through air and a preload leave the same linear spring."""
-    air = "".join(f"66,{x},{load}\n" for x, load in ((3.0, -0.4), (3.5, 0.3), (4.0, 0.0)))
+    air = "".join(f"66,{x},{load}\n" for x, load in ((3.0, -0.4), (3.5, 0.3), (3.95, -0.5)))
     approached = read(tmp_path, HEAD + air + spring("66", 10.0, loads=LOADS[1:], start_mm=4.0)).curves[0]
     preloaded = read(tmp_path, HEAD + spring("66", 10.0, loads=(10, 20, *LOADS[1:]), start_mm=-1.0)).curves[0]
     for curve in (approached, preloaded):

@@ -200,7 +200,7 @@ def _curve(key: tuple[float, float], x: np.ndarray, load: np.ndarray, line: np.n
             f"the displacement falls from {1e3 * x[row - 1]:g} to {1e3 * x[row]:g} mm",
             "A pass is loading only, in the order it was recorded; a second pass at a setting has another number in a "
             "column repeat", row)
-    below = np.maximum.accumulate(load) - load
+    below = np.maximum.accumulate(load) - load  # how far under the largest load so far
     if below.max() > LARGEST_FALL * largest:
         row = int(np.argmax(below > LARGEST_FALL * largest))
         raise refuse(f"the load falls by {below[row]:.3g} N to {load[row]:g} N", "A pass rises up to noise: end it "
@@ -227,12 +227,14 @@ def _from_touch_down(
         last = int(idle[-1])
         if last + 1 == len(x):
             raise refuse("the foot is never loaded as the platen moves", "One row a sample, in the order of loading")
+        # The line through this sample and the next meets zero: x_touch = x - F dx / dF.
         touch = x[last] - load[last] * (x[last + 1] - x[last]) / (load[last + 1] - load[last])
         x, load = x[last + 1 :], load[last + 1 :]
     else:
         if load[0] > LATEST_START * largest:
             raise refuse(f"begins at {load[0]:.3g} N of {largest:.4g} N",
                          f"A pass must begin before the platen touches, or at most at {LATEST_START:.0%} of its load")
+        # From a preload back along the first slope: x_touch = x - F / k.
         count = max(3, int(np.searchsorted(load - load[0], LATEST_START * largest)))
         slope = float(np.polyfit(x[:count], load[:count], 1)[0]) if len(x) >= count else 0.0
         touch = x[0] - load[0] / slope if slope > 0.0 else -math.inf

@@ -89,13 +89,14 @@ def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
 
     if surplus(DEEPEST_M, FOAM_LOADS_N[1]) < 0.0:
         return None
+    # F = k d^n at both loads: n = ln(F2 / F1) / ln(d2 / d1), k = F2 / d2^n, with n of 1 or more.
     low, high = (brentq(surplus, 0.0, DEEPEST_M, args=(load,), xtol=1e-15, maxiter=1000) for load in FOAM_LOADS_N)
     power = max(1.0, math.log(FOAM_LOADS_N[1] / FOAM_LOADS_N[0]) / math.log(high / low))
     return float(FOAM_LOADS_N[1] / high**power), power
 
 
 def secant_stiffness(stiffness: float, exponent: float, load_n: float) -> float:
-    """Force over depth (N/m) of a foam that bears stiffness * depth**exponent, under `load_n`."""
+    """Force over depth (N/m) of a foam that bears stiffness * depth**exponent, under `load_n`: k^(1/n) F^(1 - 1/n)."""
     secant: float = stiffness ** (1.0 / exponent) * load_n ** (1.0 - 1.0 / exponent)
     return secant
 

@@ -58,9 +58,6 @@ def lead(
     Returns:
         (n, 3) N of the floor on the foot at the ends of the steps, which is what the constraint forces do on the three
         driven slides; the state at the end; wall seconds, of which Python's part is a tenth.
-
-    Raises:
-        RuntimeError: the simulation diverged.
     """
     data, step_s, n = mujoco.MjData(foot.model), foot.model.opt.timestep, len(DRIVEN)
     velocity = np.diff(path, axis=0, prepend=2 * path[:1] - path[1:2]) / step_s
@@ -123,11 +120,7 @@ def press(
 
 
 def contacts(sites: ContactSites) -> list[Contact]:
-    """The foot's spheres.
-
-    Raises:
-        ValueError: a sphere's force is not linear in depth, which MuJoCo's contact is.
-    """
+    """The foot's spheres."""
     if np.any(sites.exponent != 1.0):
         raise ValueError("MuJoCo's contact is linear in depth: every exponent must be 1")
     return [Contact(*site) for site in zip(

@@ -17,19 +17,12 @@ with_mujoco = pytest.mark.skipif(importlib.util.find_spec("mujoco") is None, rea
 
 
 def test_table_divides_each_speed_by_real_time_and_by_the_steppers():
-    text = format_table([Row(YARDSTICK, 1.2, 0.06, "0.05 % BW"), Row("other", 2.0, 0.4, "1 % BW")])
-    stepper, other = (line.split() for line in text.splitlines()[2:])
+    text = format_table([Row(YARDSTICK, 1.2, 0.06, "0.05 % BW"), Row("other", 2.0, 0.4, "1 % BW"),
+                         Row("absent", None, None, "not installed")])
+    stepper, other, absent = (line.split() for line in text.splitlines()[2:])
+    assert absent == ["absent", "not", "installed"] and set(run.QUICK) <= set(run.GROUPS)
     assert stepper[-5:-3] == ["20.0", "1.00"]
     assert other == ["other", "2.00", "0.400", "5.00", "0.250", "1", "%", "BW"]
-
-
-def test_row_that_did_not_run_keeps_its_reason_and_shows_no_number():
-    line = format_table([Row("absent", None, None, "not installed")]).splitlines()[-1]
-    assert line.split() == ["absent", "not", "installed"]
-
-
-def test_every_group_of_the_quick_form_is_there():
-    assert set(run.QUICK) <= set(run.GROUPS)
 
 
 def test_difference_is_in_percent_of_body_weight_and_knows_both_steps():

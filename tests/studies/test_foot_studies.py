@@ -58,6 +58,7 @@ def test_forefoot_spheres_under_the_bench_patch_have_the_bench_foams_stiffness(n
     assert foam_under_load(foot) == pytest.approx((total, 1.0))
 
 
+@pytest.mark.slow
 def test_study_writes_the_shipped_model_again(tmp_path, monkeypatch):
     study = Path(__file__).resolve().parents[2] / "studies" / "calibrate_device.py"
     monkeypatch.setattr(sys, "argv", [str(study), "--quick", "--out", str(tmp_path)])

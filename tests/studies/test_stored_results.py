@@ -221,6 +221,7 @@ def test_less_noise_is_assumed_of_the_same_recordings(one):
         np.testing.assert_allclose(b.residual, 10.0 * a.residual, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_drawn_noise_is_as_large_as_was_assumed_and_nothing_in_swing():
     """The filter at 40 Hz takes a twentieth of the force's variance, that at 6 Hz a third of the other's."""
     noisy = [made(TRUTH_TRIALS["one_trial"], [7, 3, seed], 1.0) for seed in range(4)]

@@ -239,6 +239,7 @@ def _force_frames(time: np.ndarray, samples_s: np.ndarray, force_W: np.ndarray, 
             smooth = low_pass(resample(grid, samples_s, force_W), rate_hz=rate, cutoff_hz=FORCE_CUTOFF_HZ)
             force = resample(time, grid, smooth)
     last = len(samples_s) - 1
+    # A centre of pressure is nowhere between two others that may be NaN: that of the nearest sample.
     after = np.clip(np.searchsorted(samples_s, time), 1, max(last, 1))
     nearest = np.where(time - samples_s[after - 1] < samples_s[np.minimum(after, last)] - time, after - 1, after)
     cop = cop_W[np.minimum(nearest, last)]
