@@ -61,6 +61,11 @@ def test_tenth_more_load_is_a_tenth_more_of_everything():
     peaks = m.stances[0]
     assert peaks.model_peaks_bw.vertical_first_half == pytest.approx(
         1.1 * peaks.measured_peaks_bw.vertical_first_half, rel=1e-4)
+    assert m.peak_vertical_bw("measured") == pytest.approx(load[:, 2].max(), rel=5e-3)
+    assert m.peak_vertical_bw("model") == pytest.approx(1.1 * load[:, 2].max(), rel=5e-3)
+    for own, scale in ((peaks.measured_peaks_bw, 1.0), (peaks.model_peaks_bw, 1.1)):
+        assert own.braking == pytest.approx(scale * load[:, 0].min(), rel=2e-2)
+        assert own.propulsion == pytest.approx(scale * load[:, 0].max(), rel=2e-2)
 
 
 def test_peaks_are_of_the_halves_of_stance():
@@ -163,6 +168,20 @@ def test_heel_strikes_are_timed_in_stances_cut_later():
     m = walk_metrics(make_walk(delay_s=-0.008, end_s=1.0), make_plate())
     assert m.heel_strike_error_s == pytest.approx(-0.008, abs=3e-4)
     assert m.stance_measured_s is None
+
+
+def test_event_that_only_one_of_the_two_shows_has_no_error():
+    """The model stands already when the simulation begins, or still when it ends; the plate shows the event."""
+    early = walk_metrics(make_walk(delay_s=-0.05, start_s=STRIKE_S - 0.03), make_plate())
+    assert (early.heel_strike_error_s, early.stance_model_s) == (None, None)
+    assert early.toe_off_error_s == pytest.approx(-0.05, abs=1e-3)
+    late = walk_metrics(make_walk(delay_s=0.05, end_s=LIFT_S + 0.03), make_plate())
+    assert (late.toe_off_error_s, late.stance_model_s) == (None, None)
+    assert late.heel_strike_error_s == pytest.approx(0.05, abs=1e-3)
+    for m, start, end in ((early, None, LIFT_S - 0.05), (late, STRIKE_S + 0.05, None)):
+        assert m.stance_measured_s == pytest.approx(LIFT_S - STRIKE_S, abs=0.01)
+        for event, known in ((m.stances[0].model_start_s, start), (m.stances[0].model_end_s, end)):
+            assert event == (known if known is None else pytest.approx(known, abs=5e-3))
 
 
 def test_two_footprints_are_scored_each_about_itself():

@@ -2,7 +2,15 @@
 
 import numpy as np
 import pytest
-from collocation_problems import Outputs, chain, constant_outputs, pendulum, rest_to_rest
+from collocation_problems import (
+    Outputs,
+    chain,
+    constant_outputs,
+    free_spring_mass,
+    pendulum,
+    rest_to_rest,
+    spring_mass,
+)
 
 from vsf_drake.collocation import (
     CollocationOptions,
@@ -109,6 +117,16 @@ def test_progress_tells_every_iteration_and_the_merit_brings_the_violation_down(
     assert sum(solution.terms.values()) == pytest.approx(solution.cost)
 
 
+@pytest.mark.parametrize(("make", "most", "evaluations"), [
+    (spring_mass, 4, 5), (free_spring_mass, 2, 3), (lambda: pendulum(intervals=8), 4, 5),
+    (lambda: chain(intervals=4), 12, 320)], ids=["spring", "free spring", "pendulum", "chain"])
+def test_a_search_takes_no_more_steps_than_it_needs(make, most, evaluations):
+    """As many as it took with damping, weights and curvature as they are; too much of one still ends at the optimum."""
+    problem, start = make()[:2]
+    solution = solve(problem, start)
+    assert solution.success and solution.iterations <= most and solution.evaluations <= evaluations
+
+
 def test_steps_into_where_the_function_has_no_value_are_shortened():
     """sqrt(x) of a negative x is none: the search stays where there is one."""
     grid = Grid("trapezoidal", 8, 1.0, periodic=True)
@@ -150,6 +168,13 @@ def test_a_start_of_another_shape_or_without_a_value_is_refused():
         solve(problem, Start(np.zeros((3, 3))))
     with pytest.raises(InputError, match=r"start\.z"):
         solve(problem, Start(np.full((9, 3), np.nan)))
+    problem.function = Outputs(lambda z, p: (np.full((9, 2), np.nan), np.zeros((9, 2, 3)), np.zeros((9, 2, 0))))
+    with pytest.raises(InputError, match=r"no finite value at 0\.000"):
+        solve(problem, zero(problem))
+    problem.function = Outputs(lambda z, p: (np.zeros((9, 2)), np.full((9, 2, 3), np.inf), np.zeros((9, 2, 0))))
+    with pytest.raises(InputError, match="no finite value at some"):
+        solve(problem, zero(problem))
+    problem = simple(residuals=[], equations=[0])
     problem.function = Outputs(lambda z, p: (np.full((9, 2), np.nan), np.zeros((9, 2, 3)), np.zeros((9, 2, 0))))
     with pytest.raises(InputError, match=r"no finite value at 0\.000"):
         solve(problem, zero(problem))

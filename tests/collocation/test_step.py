@@ -1,5 +1,7 @@
 """Derivatives against finite differences, the KKT system against the sparse whole, the Hessian of the Lagrangian."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from collocation_problems import Outputs, chain, pendulum
@@ -20,7 +22,7 @@ from vsf_drake.collocation import (
 )
 from vsf_drake.collocation.scaled import Scaled
 from vsf_drake.collocation.sqp import stiffened, with_curvature
-from vsf_drake.collocation.step import SOFT, Kkt, box_minimum, find_step, normals, room_changes
+from vsf_drake.collocation.step import SOFT, Kkt, box_minimum, find_step, normals, optimality, room_changes
 
 
 def square(y):
@@ -75,6 +77,32 @@ def test_first_derivatives_equal_central_differences(case):
     assert along[:, 1:] == pytest.approx((plus.limited - minus.limited) / (2 * h), abs=1e-6)
     assert scaled.matrix @ way[:scaled.count] == pytest.approx((plus.linear - minus.linear) / (2 * h), abs=1e-8)
     assert at.terms == pytest.approx({name: each.sum() for name, each in scaled.instant_terms(at.y).items()})
+
+
+def test_the_largest_violation_is_told_by_name():
+    problem = anything(0, intervals=4)
+    problem.low[:], problem.high[:] = -9.0, 9.0
+    scaled, grid = Scaled(problem), problem.grid
+    at = scaled.linearised(scaled.scaled(np.zeros(scaled.shape), np.zeros(2)))
+
+    def told(field, place, value):
+        changed = getattr(at, field).copy()
+        changed[place] = value
+        return scaled.worst(dataclasses.replace(at, **{field: changed}))
+
+    for i, time in ((1, f"{grid.times_s[1]:.3f} s"), (7, f"{grid.times_s[7]:.3f} s")):
+        assert told("equations", (i, 0), -50.0) == (50.0, f"output 0 at {time}, an equation")
+        for limit, value in ((2.0, 70.0), (-1.0, -70.0)):
+            size = 70.0 - abs(limit) / problem.y_scale[4]
+            assert told("limited", (i, 1), value) == (pytest.approx(size), f"output 4 at {time}, a limit")
+        for side, value in (("upper", 80.0), ("lower", -80.0)):
+            size = 80.0 - 9.0 / problem.z_scale[i, 3]
+            assert told("x", 9 * i + 3, value) == (pytest.approx(size), f"{side} bound of v.b at {time}")
+    assert told("x", 9 * 8 + 1, 80.0)[1] == "upper bound of n"
+    for row in (0, len(at.linear) - 1):
+        instant, column = divmod(np.abs(scaled.matrix.toarray()[row]).argmax(), 9)
+        assert told("linear", row, -60.0) == (
+            60.0, f"a linear equation of {problem.layout.names[column]} at {grid.times_s[instant]:.3f} s")
 
 
 @CASES
@@ -145,6 +173,44 @@ def test_a_quadratic_within_a_box_is_least_where_its_slope_pushes_against_the_bo
         assert (x >= 0.0).all() and (x <= 0.8 + 1e-12).all()
         assert slope[(x > 1e-9) & (x < 0.8 - 1e-9)] == pytest.approx(0.0, abs=1e-8)
         assert (slope[x <= 1e-9] > -1e-8).all() and (slope[x >= 0.8 - 1e-9] < 1e-8).all()
+
+
+@CASES
+def test_a_step_is_the_minimum_of_its_quadratic_program(case):
+    """Its first-order conditions, put together from the sparse whole; the program is convex, so they suffice."""
+    scaled, draw = Scaled(anything(9, **case)), np.random.default_rng(10)
+    at = scaled.linearised(scaled.scaled(0.3 * draw.standard_normal(scaled.shape), draw.standard_normal(2)))
+    n, free, room = len(at.x), ~scaled.fixed, scaled.slacks(at)
+    damping = draw.uniform(0.5, 2.0, n)
+    kkt, bare = Kkt(scaled, at, damping), Kkt(scaled, at, np.zeros(n)).matrix[:n, :n]
+    for likely in ([], [2 * n], np.flatnonzero(room < 1.0)):
+        step = find_step(kkt, equations=at.equations, room=room, likely=np.array(likely, dtype=int))
+        d, conditions = step.change, kkt.matrix[n:, :n]
+        assert conditions @ d == pytest.approx(-np.concatenate([at.linear, at.equations.ravel()]), abs=1e-9)
+        after = room + room_changes(scaled, at, d)
+        assert after.min() > -1e-9 and (step.pressure > 0.0).all() and len(step.pressed) > 1
+        assert after[step.pressed] == pytest.approx(0.0, abs=1e-9)
+        assert step.pull == pytest.approx(-normals(scaled, at, step.pressed) @ step.pressure)
+        slope = at.gradient + kkt.matrix[:n, :n] @ d + conditions.T @ step.multipliers + step.pull
+        assert slope[free] == pytest.approx(0.0, abs=1e-8)
+        assert d[scaled.fixed] == pytest.approx(0.0, abs=1e-12)
+        assert step.predicted == pytest.approx(-at.gradient @ d - 0.5 * d @ (bare @ d))
+
+
+@CASES
+def test_the_first_order_residual_is_the_slope_of_the_lagrangian_over_the_largest_multiplier(case):
+    scaled, draw = Scaled(anything(9, **case)), np.random.default_rng(10)
+    at = scaled.linearised(scaled.scaled(0.3 * draw.standard_normal(scaled.shape), draw.standard_normal(2)))
+    n, kkt = len(at.x), Kkt(scaled, at, np.ones(len(at.x)))
+    step = step_of(scaled, kkt)
+    slope = (at.gradient + kkt.matrix[n:, :n].T @ step.multipliers + step.pull)[~scaled.fixed]
+    apart = step.pressure * scaled.slacks(at)[step.pressed]
+    largest = max(np.abs(step.multipliers).max(), step.pressure.max())
+    expected = max(np.abs(slope).max(), np.abs(apart).max()) / (1.0 + largest)
+    assert optimality(scaled, at, step) == pytest.approx(expected)
+    sole = dataclasses.replace(step, pressure=1e3 * step.pressure)
+    assert optimality(scaled, at, sole) == pytest.approx(
+        max(np.abs(slope).max(), 1e3 * np.abs(apart).max()) / (1.0 + 1e3 * step.pressure.max()))
 
 
 # Costs that Gauss-Newton knows nothing of.
