@@ -50,18 +50,13 @@ UNLIKE = {"wall_s", "compile_s", "elapsed_s", "arrays_sha256", "times.csv", "fro
 
 @dataclass(frozen=True)
 class Command:
-    """A command line without `--out`.
-
-    Attributes:
-        table: the file that is there when the results are. read: the product's own reader of them.
-        goes_on: a file with which the next run goes on if `--resume` is among its words.
-    """
+    """A command line without `--out`."""
 
     name: str
     words: tuple[object, ...]
-    table: str
-    read: Callable[[Path], Any]
-    goes_on: str = ""
+    table: str  # the file that is there when the results are
+    read: Callable[[Path], Any]  # the product's own reader of them
+    goes_on: str = ""  # a file with which the next run goes on if `--resume` is among its words
 
 
 def commands(folder: Path) -> tuple[Command, ...]:

@@ -75,25 +75,15 @@ class TooLong(BaseException):
 
 @dataclass(frozen=True)
 class Reader:
-    """Calls that read the same files.
+    """Calls that read the same files, one of which is damaged."""
 
-    Attributes:
-        name: what is read, and the folder where its files lie.
-        files: one of which is damaged, in that folder.
-        calls: each given the path of the damaged file.
-        check: of what a call returns.
-        signed: the file beside an NPZ that holds its SHA-256, which is made good, or the reader would look no further.
-        slow: how many times fewer mutations it gets in a long run.
-        most_s: of processor time a call may take.
-    """
-
-    name: str
+    name: str  # what is read, and the folder where its files lie
     files: tuple[str, ...]
-    calls: tuple[Callable[[Path], Any], ...]
-    check: Callable[[Any], None]
-    signed: str = ""
-    slow: int = 1
-    most_s: float = MOST_S
+    calls: tuple[Callable[[Path], Any], ...]  # each given the path of the damaged file
+    check: Callable[[Any], None]  # of what a call returns
+    signed: str = ""  # the file beside an NPZ with its SHA-256, made good so that the reader looks further
+    slow: int = 1  # how many times fewer mutations it gets in a long run
+    most_s: float = MOST_S  # of processor time a call may take
 
 
 def sound(value: Any) -> None:
@@ -184,11 +174,9 @@ READERS = (
 
 
 class Workbench:
-    """A folder with whole files for every reader, in which one at a time is damaged and read.
+    """An empty folder, filled with whole files for every reader, in which one at a time is damaged and read.
 
-    Args:
-        folder: an empty one of this process's own.
-        validation: folder of a real one, to be damaged instead of a small made one; a tuning is whole then, too.
+    `validation` is that of a real one, to be damaged instead of a small made one; a tuning is whole then, too.
     """
 
     def __init__(self, folder: Path, *, validation: Path | None = None) -> None:

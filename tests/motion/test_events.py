@@ -32,6 +32,8 @@ def test_light_loads_that_a_laboratory_has_blanked_below_50_n_are_no_jump():
     force = pulse(0.5, 1.2, 130.0)
     (stance,) = find_stances(FORCE_TIME, np.where(force < 50.0, 0.0, force))
     assert stance.complete
+    steep = np.clip(60.0 * 1200.0 * np.minimum(FORCE_TIME - 0.5, 1.2 - FORCE_TIME), 0.0, 1200.0)
+    assert find_stances(FORCE_TIME, steep)[0].complete, "60 times the peak in a second is less than 70"
 
 
 def test_scuff_in_swing_is_not_a_stance():
@@ -39,6 +41,7 @@ def test_scuff_in_swing_is_not_a_stance():
     assert len(find_stances(FORCE_TIME, force)) == 1
     (scuff,) = find_scuffs(FORCE_TIME, force)
     assert 1.5 < scuff.start_s < scuff.end_s < 1.58
+    assert [len(find_stances(FORCE_TIME, pulse(0.5, 1.2, peak))) for peak in (95.0, 105.0)] == [0, 1]
 
 
 def test_short_drop_out_does_not_end_a_stance():

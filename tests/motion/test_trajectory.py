@@ -81,7 +81,8 @@ BEGIN_S, END_S = 0.4, 1.9
 @pytest.mark.parametrize("count", [4, 5, 9])
 def test_splines_share_one_and_are_independent(count):
     basis = window_bsplines(BEGIN_S, END_S, count)(np.linspace(BEGIN_S - 1.0, END_S + 1.0, 501))
-    np.testing.assert_allclose(basis[[0, -1]], np.eye(count)[[0, -1]], atol=1e-13)
+    for ends in (basis[[0, -1]], window_bsplines(BEGIN_S, END_S, count)(np.array([BEGIN_S, END_S]))):
+        np.testing.assert_allclose(ends, np.eye(count)[[0, -1]], atol=1e-13)
     assert basis.shape == (501, count) and basis.min() >= 0.0
     np.testing.assert_allclose(basis.sum(axis=1), 1.0, atol=1e-13)
     assert np.linalg.matrix_rank(basis) == count

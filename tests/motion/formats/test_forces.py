@@ -81,21 +81,18 @@ def csv(path, labels, blocks, separator=",", units=None, lead="", comma=False):
     return path
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_csv_with_opensims_labels(tmp_path, separator):
-    path = csv(tmp_path / "grf.csv", opensim_names(), [FORCE, COP, TWIST[:, None] * UP], separator)
-    check(read_trial(path))
+SPELLINGS = ("Fx1 Fy1 Fz1 COPx1 COPy1 COPz1 Mx1 My1 Mz1", "FX1 FY1 FZ1 X1 Y1 Z1 Tx1 Ty1 Tz1",
+             "F1X F1Y F1Z COP1X COP1Y COP1Z M1X M1Y M1Z", "Fx Fy Fz COPx COPy COPz Mx My Mz")
 
 
-@pytest.mark.parametrize("style", [
-    ["Fx1", "Fy1", "Fz1", "COPx1", "COPy1", "COPz1", "Mx1", "My1", "Mz1"],
-    ["FX1", "FY1", "FZ1", "X1", "Y1", "Z1", "Tx1", "Ty1", "Tz1"],
-    ["F1X", "F1Y", "F1Z", "COP1X", "COP1Y", "COP1Z", "M1X", "M1Y", "M1Z"],
-    ["Fx", "Fy", "Fz", "COPx", "COPy", "COPz", "Mx", "My", "Mz"]])
-def test_csv_with_other_labels(tmp_path, style):
-    path = csv(tmp_path / "grf.csv", style, [FORCE, COP, TWIST[:, None] * UP])
-    assert "Give laboratory.up (--up)" in message(lambda: read_trial(path))
-    check(read_trial(path, up="y"))
+def test_csv_with_opensims_labels_and_others(tmp_path):
+    blocks = [FORCE, COP, TWIST[:, None] * UP]
+    for separator in ",;\t":
+        check(read_trial(csv(tmp_path / "grf.csv", opensim_names(), blocks, separator)))
+    for style in SPELLINGS:
+        path = csv(tmp_path / "grf.csv", style.split(), blocks)
+        assert "Give laboratory.up (--up)" in message(lambda path=path: read_trial(path))
+        check(read_trial(path, up="y"))
 
 
 def test_csv_states_its_units_in_a_row_of_their_own_or_behind_the_labels(tmp_path):
@@ -124,14 +121,14 @@ def test_commas_at_thousands_are_refused(tmp_path):
         assert "commas and points" in message(lambda: read_trial(path))
 
 
-@pytest.mark.parametrize("style", [
-    ["FP1_Fx", "FP1_Fy", "FP1_Fz", "FP1_COPx", "FP1_COPy", "FP1_COPz", "FP1_Mx", "FP1_My", "FP1_Mz"],
-    ["Plate 1.Force_X", "Plate 1.Force_Y", "Plate 1.Force_Z", "Plate 1.COP_X", "Plate 1.COP_Y", "Plate 1.COP_Z",
-     "Plate 1.Moment_X", "Plate 1.Moment_Y", "Plate 1.Moment_Z"],
-    ["Fx_R", "Fy_R", "Fz_R", "COPx_R", "COPy_R", "COPz_R", "Mx_R", "My_R", "Mz_R"],
-    ["Force_X_1", "Force_Y_1", "Force_Z_1", "COP_X_1", "COP_Y_1", "COP_Z_1", "Moment_X_1", "Moment_Y_1", "Moment_Z_1"]])
-def test_csv_with_plates_by_name(tmp_path, style):
-    other = [name.replace("FP1", "FP2").replace(" 1", " 2").replace("_1", "_2").replace("_R", "_L") for name in style]
+@pytest.mark.parametrize(("prefix", "suffix", "other"), [("FP1_", "", "FP2_"), ("Plate 1.", "", "Plate 2."),
+                                                       ("", "_R", "_L"), ("", "_1", "_2")])
+def test_csv_with_plates_by_name(tmp_path, prefix, suffix, other):
+    words = [f"{kind}{'_' * (kind[0] != kind)}{a}" for kind in ("Force", "COP", "Moment") for a in "XYZ"]
+    words = words if prefix.startswith("Plate") or suffix == "_1" else [
+        f"{kind}{a}" for kind in ("F", "COP", "M") for a in "xyz"]
+    style = [prefix + word + suffix for word in words]
+    other = [(other if prefix else "") + word + ("" if prefix else other) for word in words]
     blocks = [FORCE, COP, TWIST[:, None] * UP]
     path = csv(tmp_path / "grf.csv", [*style, *other, "EMG"], [*blocks, *(0 * b for b in blocks), TIME])
     recording = read_trial(path, up="y")

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.motion.markers.segments import cluster_width, mean_shape, rigid_poses
+from vsf_drake.motion.markers.segments import cluster_width, determines, mean_shape, rigid_poses
 
 CLUSTER = np.array([[0.05, 0.02, -0.1], [-0.03, 0.06, -0.25], [0.02, -0.07, -0.3], [0.08, 0.01, -0.2]])
 
@@ -70,6 +70,7 @@ def test_markers_on_a_line_give_no_pose(cluster):
     poses = rigid_poses(cluster, moved(cluster)[2])
     assert not poses.known.any() and np.isnan(poses.R_WB).all()
     assert cluster_width(cluster) < 1e-9
+    assert not determines("pelvis", CLUSTER[:2]) and determines("foot_left", CLUSTER[:2]), "with the joint's centre"
 
 
 def test_mean_shape_is_that_of_the_markers_in_motion():
