@@ -30,9 +30,9 @@ def examined(tier: str, setting: str):
 def test_walk_consistent_to_the_time_step_is_good_in_every_check(setting):
     item = examined("exact", setting)
     assert [check.sentence for check in item.checks if check.mark != "good"] == []
-    found = {check.name: check.value for check in item.checks}
-    assert found["lag of the forces"] == pytest.approx(0.0, abs=0.010)
-    assert found["mass from the forces"] == pytest.approx(78.0, rel=0.01)
+    values = {check.name: check.value for check in item.checks}
+    assert values["lag of the forces"] == pytest.approx(0.0, abs=0.010)
+    assert values["mass from the forces"] == pytest.approx(78.0, rel=0.01)
 
 
 @pytest.mark.parametrize("setting", SETTINGS)

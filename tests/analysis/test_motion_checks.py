@@ -127,11 +127,11 @@ def test_longest_gap_is_named():
 
 
 def test_unequal_legs_are_found():
-    found = {check.name: check for check in leg_lengths(
+    checks = {check.name: check for check in leg_lengths(
         {"thigh_right": 0.42, "thigh_left": 0.424, "shank_right": 0.40, "shank_left": 0.44, "hip_width": 0.17})}
-    assert {name: check.mark for name, check in found.items()} == {
+    assert {name: check.mark for name, check in checks.items()} == {
         "thigh, left against right": "good", "shank, left against right": "doubtful"}  # the prosthesis may differ
-    assert found["shank, left against right"].value == pytest.approx(0.1)
+    assert checks["shank, left against right"].value == pytest.approx(0.1)
     [thigh] = leg_lengths({"thigh_right": 0.42, "thigh_left": 0.47})
     assert thigh.mark == "unusable"
 

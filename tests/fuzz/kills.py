@@ -148,11 +148,11 @@ def moments(usual_s: float, count: int, seed: str) -> list[float]:
 
 def content(out: Path) -> dict[str, Any]:
     """Every number and word of a folder of results, by file; pictures and pages by name only."""
-    found: dict[str, Any] = {}
+    parsed: dict[str, Any] = {}
     for path in sorted(out.rglob("*")):
         if path.is_file() and path.relative_to(out).parts[0] not in ("cache", "unfinished") and path.name not in UNLIKE:
-            found[path.relative_to(out).as_posix()] = _parsed(path)
-    return found
+            parsed[path.relative_to(out).as_posix()] = _parsed(path)
+    return parsed
 
 
 def differences(old: Any, new: Any, place: str = "") -> Iterator[str]:
@@ -172,8 +172,8 @@ def differences(old: Any, new: Any, place: str = "") -> Iterator[str]:
 
 def session_of(leader: int) -> list[str]:
     """Living processes of a session: what it has started stays in it, whoever its parent is now."""
-    found = subprocess.run(["ps", "-o", "pid=,stat=", "-s", str(leader)], capture_output=True, text=True, check=False)
-    return [line for line in found.stdout.splitlines() if not line.split()[1].startswith("Z")]
+    listed = subprocess.run(["ps", "-o", "pid=,stat=", "-s", str(leader)], capture_output=True, text=True, check=False)
+    return [line for line in listed.stdout.splitlines() if not line.split()[1].startswith("Z")]
 
 
 def gone_soon(leader: int) -> bool:

@@ -14,7 +14,6 @@ import argparse
 import faulthandler
 import math
 import multiprocessing
-import resource
 import sys
 import tempfile
 import time
@@ -24,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "helpers")]
+sys.path[:0] = [str(HERE), str(HERE.parent / "helpers"), str(HERE.parents[1] / "studies")]
 
 CHUNK = 25
 HANGS_S = 120.0
@@ -63,24 +62,21 @@ def files(given: argparse.Namespace) -> int:
     ends = {reader.name: given.seed + math.ceil(share / reader.slow) for reader in chosen}
     chunks = [(name, first, min(CHUNK, end - first)) for name, end in ends.items()
               for first in range(given.seed, end, CHUNK)]
-    faults = done = 0
-    kinds: set[str] = set()
+    faults, kinds = 0, set[str]()
     with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(
             given.workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin,
             initargs=(folder, given.validation)) as pool:
         todo = {pool.submit(_damaged, *chunk): chunk for chunk in chunks}
-        most = 0
         try:
             for i, future in enumerate(as_completed(todo), start=1):
-                found, grown = future.result()
-                done, faults, most = done + todo[future][2], faults + len(found), max(most, grown)
-                for number, fault in found:
-                    if (kind := f"{todo[future][0]}: {fault[:60]}") not in kinds:
+                name = todo[future][0]
+                for number, fault in future.result():
+                    faults += 1
+                    if (kind := f"{name}: {fault[:60]}") not in kinds:
                         kinds.add(kind)
-                        print(f"{todo[future][0]} {number}: {fault}", flush=True)
+                        print(f"{name} {number}: {fault}", flush=True)
                 if i % 200 == 0 or i == len(todo):
-                    print(f"{done} of {sum(chunk[2] for chunk in chunks)} mutations, {faults} faults of {len(kinds)} "
-                          f"kinds, a process grew by {most / 1e6:.0f} MB", flush=True)
+                    print(f"{i} of {len(todo)} chunks, {faults} faults of {len(kinds)} kinds", flush=True)
         except BrokenProcessPool:
             lost = [chunk for future, chunk in todo.items() if not future.done() or future.exception()]
             print(f"a process ended (killed, or hung for {HANGS_S:g} s); among the first of: {lost[:4]}")
@@ -95,42 +91,34 @@ def _begin(folder: str, validation: Path | None) -> None:
     _workbench = Workbench(Path(tempfile.mkdtemp(dir=folder)), validation=validation)
 
 
-def _damaged(name: str, first: int, count: int) -> tuple[list[tuple[int, str]], int]:
-    """Faults by number, and by how many bytes the process's peak has grown."""
+def _damaged(name: str, first: int, count: int) -> list[tuple[int, str]]:
+    """Faults by number."""
     from readers import READERS  # noqa: PLC0415
 
     assert _workbench is not None
-    reader = next(reader for reader in READERS if reader.name == name)
-    before, found = _peak(), []
+    reader, faults = next(reader for reader in READERS if reader.name == name), []
     for number in range(first, first + count):
         faulthandler.dump_traceback_later(HANGS_S, exit=True)
         fault = _workbench.fault(reader, number)
-        if fault is not None:
-            found.append((number, fault))
+        faults += [(number, fault)] if fault is not None else []
     faulthandler.cancel_dump_traceback_later()
-    return found, _peak() - before
-
-
-def _peak() -> int:
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return most if sys.platform == "darwin" else 1024 * most
+    return faults
 
 
 def walks(given: argparse.Namespace) -> int:
     """Walks with random parameters."""
     from drawn_walks import assert_sound, report  # noqa: PLC0415
 
-    found, chunk = [], 100
+    drawn, chunk = [], 100
     with ProcessPoolExecutor(given.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        todo = [pool.submit(_drawn, i % 3, min(chunk, given.count - first), given.seed + i, given.step_ms)
-                for i, first in enumerate(range(0, given.count, chunk))]
-        for i, future in enumerate(as_completed(todo), start=1):
-            found += future.result()
-            if i % 10 == 0:
-                print(f"{len(found)} of {given.count} walks", flush=True)
-    print(report(found))
+        for future in as_completed([
+                pool.submit(_drawn, i % 3, min(chunk, given.count - first), given.seed + i, given.step_ms)
+                for i, first in enumerate(range(0, given.count, chunk))]):
+            drawn += future.result()
+            print(f"{len(drawn)} of {given.count} walks", flush=True)
+    print(report(drawn))
     try:
-        assert_sound(found)
+        assert_sound(drawn)
     except AssertionError as fault:
         print(f"not sound: {fault}")
         return 1
@@ -147,40 +135,32 @@ def kills(given: argparse.Namespace) -> int:
     """Commands ended by signals."""
     from kills import CODES, commands, content, differences, interrupted, moments, started  # noqa: PLC0415
 
-    faults = 0
+    faults: list[str] = []
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(given.workers) as pool:
-        inputs = Path(name, "inputs")
+        inputs, todo = Path(name, "inputs"), {}
         inputs.mkdir()
-        chosen = [command for command in commands(inputs) if given.command in (None, command.name)]
-        usual = {}
-        for command in chosen:
-            for out in (Path(name, command.name, "out"), Path(name, command.name, "again")):  # the first compiles
+        for command in (each for each in commands(inputs) if given.command in (None, each.name)):
+            whole, again = (Path(name, command.name, part) for part in ("out", "again"))
+            for out in (whole, again):  # the first compiles
                 process, began = started(command, out), time.monotonic()
                 said = process.communicate()[1]
-                usual[command.name] = time.monotonic() - began
+                usual_s = time.monotonic() - began
                 if process.returncode:
                     print(f"exit code {process.returncode}: {said}")
                     return 1
-            print(f"{command.name}: {usual[command.name]:.1f} s uninterrupted", flush=True)
-            for fault in differences(content(Path(name, command.name, "out")), content(out)):
-                faults += 1
-                print(f"{command.name}, uninterrupted twice: {fault}", flush=True)
-        todo = {}
-        for command in chosen:
+            faults += [f"{command.name}, uninterrupted twice: {fault}" for fault in differences(
+                content(whole), content(again))]
             for signal in [given.signal] if given.signal else CODES:
-                seed = f"{given.seed} {command.name} {signal}"
-                for i, at in enumerate(moments(usual[command.name], given.moments, seed)):
+                for i, at in enumerate(moments(usual_s, given.moments, f"{given.seed} {command.name} {signal}")):
                     out = Path(name, f"{command.name}_{signal}_{i}", "out")
                     out.parent.mkdir()
-                    todo[pool.submit(interrupted, command, signal, at, out, Path(name, command.name, "out"),
-                                     always=i % ALWAYS == 0)] = f"{command.name} {signal} at {at:.2f} s"
+                    todo[pool.submit(interrupted, command, signal, at, out, whole, always=i % ALWAYS == 0)] = (
+                        f"{command.name} {signal} at {at:.2f} s")
         for i, future in enumerate(as_completed(todo), start=1):
-            for fault in future.result()[:5]:
-                faults += 1
-                print(f"{todo[future]}: {fault}", flush=True)
+            faults += [f"{todo[future]}: {fault}" for fault in future.result()[:5]]
             if i % 15 == 0 or i == len(todo):
-                print(f"{i} of {len(todo)} interruptions, {faults} faults", flush=True)
-    return faults
+                print(f"{i} of {len(todo)} interruptions", *faults, sep="\n", flush=True)
+    return len(faults)
 
 
 if __name__ == "__main__":

@@ -21,5 +21,5 @@ def test_undamaged_files_read(workbench, reader):
 @pytest.mark.filterwarnings("error")
 @every_reader
 def test_damaged_files_read_or_are_refused(workbench, reader):
-    found = {number: workbench.fault(reader, number) for number in range(max(1, MUTATIONS // reader.slow))}
-    assert not {number: fault for number, fault in found.items() if fault}
+    faults = {number: workbench.fault(reader, number) for number in range(max(1, MUTATIONS // reader.slow))}
+    assert not {number: fault for number, fault in faults.items() if fault}

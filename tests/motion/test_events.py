@@ -105,9 +105,9 @@ def wanted(side):
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_made_steps_are_found(side):
     tracks, pelvis = feet()
-    found = kinematic_stances(TIME, tracks[side], pelvis)
-    assert len(found) == len(wanted(side))
-    for stance, (start, end) in zip(found, wanted(side), strict=True):
+    stances = kinematic_stances(TIME, tracks[side], pelvis)
+    assert len(stances) == len(wanted(side))
+    for stance, (start, end) in zip(stances, wanted(side), strict=True):
         assert stance.start_seen == (start > TIME[0]) and stance.end_seen == (end < TIME[-1])
         assert stance.start_s == pytest.approx(max(start, TIME[0]), abs=0.05)
         assert stance.end_s == pytest.approx(min(end, TIME[-1]), abs=0.05)

@@ -133,19 +133,6 @@ def test_time_that_stands_still_or_leaps_is_refused(trial_files):
         assert f"there is a gap of {0.01 * (missing + 1):g} s after 0.49 s" in text and "line 58" in text
 
 
-def test_opensim_inverse_kinematics_with_simm_header(shared_data):
-    """subject01_walk1 of gait2354: 60 Hz, no unit, knees negative, times rounded to the millisecond."""
-    storage = read_storage(shared_data / "opensim_core" / "ik_reference" / "std_subject01_walk1_ik.mot")
-    trajectory, notes = read_kinematics(storage, prosthetic_side="right", unit="degrees")
-    assert len(trajectory.time_s) == 73
-    np.testing.assert_allclose(np.diff(trajectory.time_s), 1 / 60, rtol=1e-9)
-    knee = trajectory.values[:, trajectory.names.index("knee_angle_r")]
-    assert np.degrees(knee.max()) == pytest.approx(69.67720048)
-    assert any("turned round" in n for n in notes)
-    accelerations = trajectory.sample(np.linspace(0.4, 1.6, 1001))[2]
-    assert np.abs(accelerations[:, 6:]).max() < 200.0
-
-
 # Force plates: the world frame, which column is which foot, and the same load however it is written.
 
 

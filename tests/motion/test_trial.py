@@ -150,27 +150,6 @@ def test_mass_that_one_plate_cannot_tell_is_not_refused(trial_files, side):
     load_trial(trial_files.write())
 
 
-def write_real(tmp_path, kinematics, forces, mass_kg, **more):
-    (tmp_path / "subject.yaml").write_text(
-        yaml.safe_dump({"mass_kg": mass_kg, "stature_m": 1.8, "sex": "male", "prosthetic_side": "right"}))
-    path = tmp_path / "trial.yaml"
-    path.write_text(yaml.safe_dump({"subject": "subject.yaml", "kinematics": str(kinematics), "forces": forces,
-                                    "prosthesis": {"fulcrum_mm": 66}} | more))
-    return path
-
-
-def test_real_walk(tmp_path, shared_data):
-    folder = shared_data / "opensim_core" / "example3DWalking"
-    trial = load_trial(write_real(tmp_path, folder / "coordinates.sto", str(folder / "grf_walk.mot"), 85.27))
-    assert (trial.start_s, trial.end_s) == (0.45, 1.799)
-    assert "Stance of the right (prosthetic) foot from 0.267 to 1.024 s is cut at its start." in trial.notes
-    assert "Stance of the right (prosthetic) foot from 1.411 to 2.168 s is cut at its end." in trial.notes
-    assert "Stance of the left foot from 0.836 to 1.590 s is complete." in trial.notes
-    plate = trial.prosthetic_plate
-    assert plate.has_cop and 0.9 < plate.force_W[:, 2].max() / (85.27 * 9.80665) < 1.3
-    assert np.nanmax(plate.cop_W[:, 1]) < np.nanmin(trial.plates["left"].cop_W[:, 1])
-
-
 # Markers and plates of a made person become the trial that was made, and can be written as OpenSim files.
 
 

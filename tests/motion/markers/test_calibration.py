@@ -24,9 +24,9 @@ POSTURES = pytest.mark.parametrize("angles, person", [({}, UNEQUAL), (FLEXED, EV
 @pytest.mark.parametrize("label_set", MAPS)
 @POSTURES
 def test_medial_markers_give_the_person_back_in_any_posture(label_set, angles, person):
-    found = calibrated(standing(angles, person, label_set=label_set), person, label_set=label_set)
-    assert set(found.segments) == set(SEGMENTS) == set(PARENTS)
-    assert_truth(found, person, label_set)
+    calibration = calibrated(standing(angles, person, label_set=label_set), person, label_set=label_set)
+    assert set(calibration.segments) == set(SEGMENTS) == set(PARENTS)
+    assert_truth(calibration, person, label_set)
 
 
 @POSTURES
@@ -98,17 +98,17 @@ def test_a_walk_can_stand_in_for_a_standing_trial_and_says_so():
         angles |= {f"hip_flexion_{s}": hip, f"knee_angle_{s}": knee, f"ankle_angle_{s}": knee - hip}
     for label_set in ("opensim", "plug_in_gait"):
         walk = standing(angles, person, label_set=label_set, medial=False)
-        found = calibrated(walk, person, label_set=label_set)
-        assert_truth(found, person, label_set, 1e-7)
-        assert "Nobody stood still" in found.notes[0]
-        assert found.lengths_m["foot_right"] == pytest.approx(person.foot[0], abs=1e-7)
+        calibration = calibrated(walk, person, label_set=label_set)
+        assert_truth(calibration, person, label_set, 1e-7)
+        assert "Nobody stood still" in calibration.notes[0]
+        assert calibration.lengths_m["foot_right"] == pytest.approx(person.foot[0], abs=1e-7)
 
 
 def test_the_quietest_second_is_taken():
     sway = np.concatenate([0.2 * np.sin(np.linspace(0, 6, 200)), np.zeros(100), 0.2 * np.sin(np.linspace(0, 6, 100))])
-    found = calibrated(standing({"pelvis_tx": sway}, rate_hz=100.0))
-    assert found.angles_rad["pelvis_tx"] == pytest.approx(0, abs=1e-9)
-    assert "2.00 to 2.99 s" in found.method[0]
+    calibration = calibrated(standing({"pelvis_tx": sway}, rate_hz=100.0))
+    assert calibration.angles_rad["pelvis_tx"] == pytest.approx(0, abs=1e-9)
+    assert "2.00 to 2.99 s" in calibration.method[0]
 
 
 def test_the_plates_tell_the_mass_of_somebody_who_stands():
@@ -118,9 +118,9 @@ def test_the_plates_tell_the_mass_of_somebody_who_stands():
         return Plate("1", force, np.zeros((600, 3)), np.zeros(600))
 
     on_plates = standing(plates=(plate(400.0), plate(380.0)), force_rate_hz=500.0)
-    found = calibrated(on_plates, mass_kg=None)
-    assert found.subject.mass_kg == pytest.approx(780 / 9.81)
-    assert any("both feet stood on plates" in note for note in found.notes)
+    calibration = calibrated(on_plates, mass_kg=None)
+    assert calibration.subject.mass_kg == pytest.approx(780 / 9.81)
+    assert any("both feet stood on plates" in note for note in calibration.notes)
     with pytest.raises(InputError, match="nobody's weight"):
         calibrated(standing(plates=(plate(3.0),), force_rate_hz=500.0), mass_kg=None)
     with pytest.raises(InputError, match=r"mass_kg.*no force plates"):
@@ -128,9 +128,9 @@ def test_the_plates_tell_the_mass_of_somebody_who_stands():
 
 
 def test_stature_is_estimated_from_the_leg_and_called_an_estimate():
-    found = calibrated(standing(), stature_m=None)
-    assert found.subject.stature_m == pytest.approx(1.741 * (0.41 + 0.42) / (0.4222 + 0.4403), rel=1e-3)
-    assert any("estimate" in note for note in found.notes)
+    calibration = calibrated(standing(), stature_m=None)
+    assert calibration.subject.stature_m == pytest.approx(1.741 * (0.41 + 0.42) / (0.4222 + 0.4403), rel=1e-3)
+    assert any("estimate" in note for note in calibration.notes)
 
 
 @pytest.mark.parametrize("missing, option", [("sex", "--sex"), ("prosthetic_side", "--prosthetic-side")])

@@ -66,8 +66,8 @@ def turned(axis, angles, mounting):
 def test_the_hinge_axis_is_found_in_a_segment_mounted_at_any_angle():
     axis = np.array([0.1, 0.97, -0.2]) / np.linalg.norm([0.1, 0.97, -0.2])
     mounting = Rotation.from_euler("xyz", [0.4, -1.0, 2.0]).as_matrix()
-    found, swept = hinge_axis(turned(axis, np.linspace(-0.2, 0.9, 60), mounting))
-    assert abs(found @ axis) == pytest.approx(1, abs=1e-12)
+    axis_of_hinge, swept = hinge_axis(turned(axis, np.linspace(-0.2, 0.9, 60), mounting))
+    assert abs(axis_of_hinge @ axis) == pytest.approx(1, abs=1e-12)
     assert swept == pytest.approx(1.1, abs=1e-9)
 
 

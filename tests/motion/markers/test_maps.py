@@ -37,12 +37,12 @@ def test_shipped_maps_serve_the_public_recordings(shared_data, path):
     labels = list(recording.markers)
     chosen, [note] = choose_map(recording)
     assert chosen.name == SAMPLES[path] and chosen.name in note
-    found = chosen.find(labels)
+    labelled = chosen.find(labels)
     for side in SIDES:
-        assert len(found.segments[f"thigh_{side}"]) >= 3
-        assert len(found.segments[f"shank_{side}"]) >= 3
-        assert len(found.segments[f"foot_{side}"]) >= 3
-    used = [label for labels in found.segments.values() for label in labels]
+        assert len(labelled.segments[f"thigh_{side}"]) >= 3
+        assert len(labelled.segments[f"shank_{side}"]) >= 3
+        assert len(labelled.segments[f"foot_{side}"]) >= 3
+    used = [label for labels in labelled.segments.values() for label in labels]
     assert len(used) == len(set(used))
     assert not any(label.endswith(("HJC", "KJC", "AJC")) for label in used)
 
@@ -56,11 +56,11 @@ def test_the_three_marker_sets_are_recognised(label_set, name, medial):
 
 
 def test_prefix_and_letter_case_do_not_matter():
-    found = load_marker_map("plug_in_gait")
-    spelled = found.translate([f"Subject01:{label.lower()}" for label in PIG])
+    labelled = load_marker_map("plug_in_gait")
+    spelled = labelled.translate([f"Subject01:{label.lower()}" for label in PIG])
     assert list(spelled.values()) == list(PIG)
     recording = made_person.recording_of({f"S:{label}": np.zeros((2, 3)) for label in PIG})
-    assert tuple(found.rename(recording).markers) == PIG
+    assert tuple(labelled.rename(recording).markers) == PIG
 
 
 @pytest.mark.parametrize("text, message", [
@@ -93,10 +93,10 @@ def test_a_started_map_guesses_from_words_and_says_so():
     labels = ["R_ASIS", "L_ASIS", "SACRUM", "R Knee Lateral", "L Knee Lateral", "Ankle_Lat_R", "Ankle_Lat_L",
               "Right Heel", "Left Heel", "R_MT2", "L_MT2", "RSHO", "C7", "Tête", "RThigh1", "L_HJC"]
     text = suggest_map(labels)
-    found = read_map(text).find(labels)
-    assert found.roles["knee_lateral_right"] == "R Knee Lateral"
-    assert found.roles["ankle_lateral_left"] == "Ankle_Lat_L"
-    assert found.segments["thigh_right"] == ("R Knee Lateral", "RThigh1")
+    labelled = read_map(text).find(labels)
+    assert labelled.roles["knee_lateral_right"] == "R Knee Lateral"
+    assert labelled.roles["ankle_lateral_left"] == "Ankle_Lat_L"
+    assert labelled.segments["thigh_right"] == ("R Knee Lateral", "RThigh1")
     assert "knee_lateral: 'R Knee Lateral'  # guess" in text
     for label in ("RSHO", "C7", "Tête", "L_HJC"):
         assert f"#   {label}" in text
@@ -143,8 +143,8 @@ def test_a_started_map_chooses_among_like_labels_by_where_they_lie(heading, mirr
     """The lateral heel marker, first in the file, would put the heel 27 mm aside and turn the foot by 9 degrees."""
     recording, truth = ambiguous(heading, mirrored)
     text = suggest_map(recording.markers, recording)
-    found = read_map(text)
-    assert {role: found.roles[role][0] for role in truth} == truth
+    labelled = read_map(text)
+    assert {role: labelled.roles[role][0] for role in truth} == truth
     assert "heel: R_Heel_2  # guess by its place in this recording; or R_Heel_4, " in text
     assert "#   R_Heel_1  (guess: right heel)" in text
     blind = suggest_map(recording.markers)

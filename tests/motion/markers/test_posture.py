@@ -18,9 +18,9 @@ from vsf_drake.motion.markers.posture import NOTE, prepared
 def test_axes_of_a_left_hand_are_mirrored_with_a_note():
     recording = standing(FLEXED, EVEN)
     flipped = made_person.recording_of({label: x * [1, -1, 1] for label, x in recording.markers.items()})
-    found = calibrated(flipped, EVEN)
-    assert_truth(found, EVEN, "plug_in_gait")
-    assert NOTE in found.notes
+    calibration = calibrated(flipped, EVEN)
+    assert_truth(calibration, EVEN, "plug_in_gait")
+    assert NOTE in calibration.notes
     pig = load_marker_map("plug_in_gait")
     assert prepared(recording, pig) is recording
     again = prepared(prepared(flipped, pig), pig)
@@ -39,13 +39,13 @@ def test_person_who_walks_in_place_goes_where_the_pelvis_faces(quarters, axis):
     seen = dataclasses.replace(
         straight, markers={label: x @ turn.T for label, x in straight.markers.items()}, force_rate_hz=1000.0,
         plates=(dataclasses.replace(plate, force_n=force @ turn.T, cop_m=cop @ turn.T),))
-    found = prepared(seen, pig)
+    turned = prepared(seen, pig)
     for label, x in straight.markers.items():
-        assert found.markers[label] == pytest.approx(x, abs=1e-12)
-    assert found.plates[0].force_n == pytest.approx(force) and found.plates[0].cop_m == pytest.approx(cop)
-    assert found.plates[0].free_moment_nm == pytest.approx([3.0])
-    assert found.rotation_W @ turn == pytest.approx(np.eye(3), abs=1e-12)
-    assert f"faces the laboratory's {axis}" in found.notes[-1]
+        assert turned.markers[label] == pytest.approx(x, abs=1e-12)
+    assert turned.plates[0].force_n == pytest.approx(force) and turned.plates[0].cop_m == pytest.approx(cop)
+    assert turned.plates[0].free_moment_nm == pytest.approx([3.0])
+    assert turned.rotation_W @ turn == pytest.approx(np.eye(3), abs=1e-12)
+    assert f"faces the laboratory's {axis}" in turned.notes[-1]
 
 
 def test_exchanged_sides_are_told_from_mirrored_axes_by_the_plates():

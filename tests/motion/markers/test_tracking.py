@@ -55,24 +55,6 @@ def test_feet_are_where_their_markers_put_them(label_set):
         np.testing.assert_allclose(motion.feet[side].ankle_W, p, atol=1e-9)
 
 
-def test_markers_are_filtered_once_and_without_delay():
-    """6 Hz passes a walk's harmonics almost unchanged and stops 25 Hz."""
-    noise = 0.004 * np.sin(2 * np.pi * 25 * TIME)[:, None] * [0.3, 0.8, 0.5]
-    shaken = made(**{label: p + noise for label, p in made().markers.items()})
-    smooth, rough = (track(shaken, true_calibration(), cutoff_hz=cutoff) for cutoff in (6.0, None))
-    truth = ANGLES["pelvis_tx"]
-    column = smooth.names.index("pelvis_tx")
-    inside = slice(30, -30)
-    assert np.std((rough.values[:, column] - truth)[inside]) > 5e-4
-    assert np.std((smooth.values[:, column] - truth)[inside]) < 2e-5
-    knee = smooth.names.index("knee_angle_r")
-    error = (smooth.values[:, knee] - ANGLES["knee_angle_r"])[inside]
-    assert np.abs(error).max() < np.radians(0.5)
-    lags = [np.corrcoef(smooth.values[inside, knee], np.interp(TIME[inside] - lag, TIME, ANGLES["knee_angle_r"]))[0, 1]
-            for lag in (-0.005, 0.0, 0.005)]
-    assert np.argmax(lags) == 1
-
-
 def test_skin_motion_shows_in_residual_and_cluster_motion_not_in_rigid_segments():
     wobble = 0.01 * np.sin(2 * np.pi * 2 * TIME)[:, None] * [0.0, 0.0, 1.0]
     motion = track(made(RTH1=path("RTH1") + wobble), true_calibration(), cutoff_hz=None)
