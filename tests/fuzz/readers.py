@@ -22,7 +22,7 @@ import numpy as np
 import yaml
 from made_c3d import MadePlate, rectangle, write_c3d
 from made_contact import made_contact
-from made_fit import made_curves, made_fit
+from made_fit import made_fit
 from made_laboratory import Laboratory
 from made_results import make_bench, make_walk
 from made_scenario import one_of_everything
@@ -31,6 +31,7 @@ from made_tuning import made_arrays, made_schedule, made_table, small_table
 from mutations import mutated
 from virtual_laboratory.trc import write_trc
 
+from vsf_drake.analysis.contact_fit.table import fit_arrays, fit_json
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.analysis.validation.bench_lines import load_measured_bench
 from vsf_drake.analysis.validation.run import SectionStore
@@ -315,7 +316,8 @@ def _write_results(folder: Path, validation: Path | None) -> None:
     """What commands leave."""
     save_walk(make_walk(step_s=0.02), folder / "walk")
     save_bench(make_bench(), folder / "bench")
-    _save(folder / "fit", "fit", made_fit(files=[]), made_curves())
+    fit = made_fit()
+    _save(folder / "fit", "fit", {**fit_json(fit), "files": []}, fit_arrays(fit))
     (folder / "fit" / "checkpoint.json").write_text('{"key": "x", "searches": [{"start": [0.0], "cost": 1.0}]}')
     tuning = small_table() if validation is None else made_table()
     _save(folder / "tuning", "tuning", plain(tuning), made_arrays())
