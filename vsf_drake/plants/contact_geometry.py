@@ -175,10 +175,6 @@ def add_ground_geometry(
             coefficients of its own gets what together with the foot's gives them, as Drake takes the harmonic mean.
         contact: of the feet. Say "hydroelastic" where one of them has it: pads do not feel a patch's stiffness, which
             is refused then.
-
-    Raises:
-        InputError: see `check_ground` and `check_scene_graph`; the plant has a ground already; two patches lie in one
-            plane over one another; a patch's stiffness or friction cannot be had.
     """
     ground, foot = check_ground(ground or Ground()), foot or FootParameters()
     check_scene_graph(plant, contact)

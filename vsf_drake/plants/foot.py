@@ -124,9 +124,7 @@ def add_foot(
     In a plant with a time step, springs, carriage and support are actuators and a constraint (see below). The
     plant's actuation port counts these too: connect your controller to that of your own model instance.
 
-    Raises:
-        InputError: plant, frame, name, side, contact, time step, fulcrum position or parameters
-            (`model_file.check_foot`) do not go together, and why.
+    InputError says which of these do not go together, and why; nothing has been added then.
     """
     _check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -27,7 +26,7 @@ from vsf_drake.plants.wiring import (
     connect_kinematics,
 )
 from vsf_drake.systems.contact import DrakeReaction
-from vsf_drake.systems.foot_forces import CONTACT_LAWS, DEVICE, FORCES, FootForces
+from vsf_drake.systems.foot_forces import CONTACT_LAWS, DEVICE, FORCES, Constant, FootForces
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
 from vsf_drake.systems.swing_controller import AdjustmentRecorder, ShankAngle, SwingController
 
@@ -123,7 +122,8 @@ def wire_foot(
     fulcrum_m = check_fulcrum(foot.fulcrum_m if fulcrum_m is None else fulcrum_m, foot.parameters)
     _check_suits(plant, foot, ground, fulcrum_m, own_ground)
     law = foot.contact if foot.contact in CONTACT_LAWS else None
-    device, contact = _device_constants(foot, fulcrum_m), {}
+    device = _device_constants(foot, fulcrum_m)
+    contact: dict[str, Constant] = {}
     if law:
         contact = _contact_constants(foot.sites, foot.parameters.friction, check_ground(ground or Ground()))
     reaction = None
@@ -140,8 +140,8 @@ def wire_foot(
     builder.Connect(command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(foot.instance))
     forces: FootForces | None = None
     if law:
-        without = dict.fromkeys(DEVICE, 0.0) | {"fulcrum_m": fulcrum_m}
-        forces = _add_forces(builder, plant, foot, law, without | contact, grip=grip_limit(foot, plant.time_step()))
+        forces = _add_forces(builder, plant, foot, law, {
+            **dict.fromkeys(DEVICE, 0.0), "fulcrum_m": fulcrum_m, **contact}, grip=grip_limit(foot, plant.time_step()))
     borne = _add_forces(builder, plant, foot, None, device, name="device" if law else "forces", acts=False)
     builder.Connect(command.GetOutputPort("position"), borne.GetInputPort("fulcrum_position"))
     return WiredFoot(foot=foot, forces=forces or borne, reaction=reaction, device=borne, command=command)
@@ -167,11 +167,12 @@ def add_rigid_foot(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(), position_indices=[0, 0],
         velocity_indices=[0, 0], frame_body_index=sites.body_indices[0], keel_starts=np.zeros(1),
         site_keel=[-1] * len(sites.body_indices), law="kelvin_voigt",
-        constants=dict.fromkeys(DEVICE, 0.0) | _contact_constants(sites, friction, check_ground(ground))))
+        constants={**dict.fromkeys(DEVICE, 0.0), **_contact_constants(sites, friction, check_ground(ground))}))
 
 
 def _add_forces(
-    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, law: str | None, constants: dict[str, Any], *,
+    builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, law: str | None,
+    constants: dict[str, Constant], *,
     name: str = "forces", acts: bool = True, grip: np.ndarray | None = None
 ) -> FootForces:
     *keel, slide = [plant.GetJointByName(joint, foot.instance)
@@ -184,7 +185,7 @@ def _add_forces(
         keel_starts=foot.keel_starts, law=law, constants=constants, grip_limit=grip,
         site_keel=[keel_index.get(int(body), -1) for body in foot.sites.body_indices])
     if foot.support is None:  # else the servo would pull the carriage from A to the fulcrum in the first millisecond
-        foot.carriage_joint(plant).set_default_translation(constants["fulcrum_m"])
+        foot.carriage_joint(plant).set_default_translation(float(constants["fulcrum_m"]))
     if acts:
         return add_forces(builder, plant, f"{foot.name}_{name}", forces)
     builder.AddNamedSystem(f"{foot.name}_{name}", forces)
@@ -216,7 +217,7 @@ def _check_suits(
             "if it is to meet a ground of yours that moves, or none")
 
 
-def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Any]:
+def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Constant]:
     fulcrum = foot.parameters.fulcrum
     return {
         "joint_stiffness": foot.joint_stiffness, "joint_damping": foot.joint_damping, "fulcrum_m": fulcrum_m,
@@ -227,7 +228,7 @@ def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Any]:
     }
 
 
-def _contact_constants(sites: ContactSites, friction: FrictionParameters, ground: Ground) -> dict[str, Any]:
+def _contact_constants(sites: ContactSites, friction: FrictionParameters, ground: Ground) -> dict[str, Constant]:
     return {
         "p_BS": sites.p_BS, "radius": sites.radius, **sites.law, "dissipation": dissipation(sites),
         "depth_width": DEPTH_WIDTH_M, "rate_width": RATE_WIDTH_M_PER_S,
@@ -245,18 +246,17 @@ def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot
     """
     for wired in feet:
         check_type(wired, WiredFoot, "feet", "Give what wire_foot returned")
-        support_of(wired.foot)
+    supports = [(wired.foot, support_of(wired.foot), wired.command) for wired in feet]
     earlier = simulator.get_monitor()
 
     def monitor(root: Context) -> EventStatus | None:
         status = None if earlier is None else earlier(root)
-        for wired in feet:
-            port: Any = wired.command.GetOutputPort("position") if wired.command else None
-            wanted = float(port.Eval(port.get_system().GetMyContextFromRoot(root))[0])
-            plant_context = plant.GetMyMutableContextFromRoot(root)
-            stands = plant.GetDistanceConstraintParams(plant_context, support_of(wired.foot)).p_BQ()[0]
-            if abs(wanted - stands) > 1e-9:
-                place_fulcrum(plant, plant_context, wired.foot, wanted)
+        plant_context = plant.GetMyMutableContextFromRoot(root)
+        for foot, support, command in supports:
+            assert command is not None  # as the foot has a support
+            wanted = np.asarray(command.GetOutputPort("position").Eval(command.GetMyContextFromRoot(root))).item()
+            if abs(wanted - plant.GetDistanceConstraintParams(plant_context, support).p_BQ()[0]) > 1e-9:
+                place_fulcrum(plant, plant_context, foot, wanted)
         return status
 
     simulator.set_monitor(monitor)

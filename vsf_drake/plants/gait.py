@@ -86,9 +86,6 @@ def make_gait(
         free: anatomical coordinates that are not prescribed but move under the forces on them.
         scene_graph: in no diagram yet; it becomes a part of this one, the plant gets shapes of person and ground, to
             be seen only, and the diagram the output `query`.
-
-    Raises:
-        ValueError: `free` names a coordinate that the person does not have, or is one name instead of a list.
     """
     ground = check_ground(ground or Ground())
     builder = DiagramBuilder()

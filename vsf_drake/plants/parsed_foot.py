@@ -66,9 +66,6 @@ def find_foot(
         scene_graph: before the diagram's Context is made; needed for a law of `FootForces` where the plant has
             collision spheres, which are then taken out of it (they lose their proximity role). With "drake_point" it
             lets the spheres be held against the parameters too.
-
-    Raises:
-        InputError: the instance is no exported foot, or it, contact, time step and parameters do not go together.
     """
     name, instance = _named_instance(plant, instance)
     reference_plant = MultibodyPlant(0.0)

@@ -59,12 +59,12 @@ from vsf_drake.files import resource
 from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.trial_record import load_subject
 from vsf_drake.parameters import ModelParameters, Subject
-from vsf_drake.plants.bench import make_bench
+from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_ground_geometry
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.foot_wiring import ON_THE_GROUND, WiredFoot, wire_foot
-from vsf_drake.plants.gait import make_gait
+from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import add_forces, export_outputs, share_generalized_forces
@@ -88,7 +88,7 @@ class Station:
     diagram: Diagram
     plant: MultibodyPlant
     feet: dict[str, FootHandles]  # variable-stiffness feet by name
-    parts: Any
+    parts: BenchDiagram | GaitDiagram | dict[str, WiredFoot]
 
     def plant_context(self, root: Context) -> Context:
         """The plant's part of the Context of the diagram that holds the station, or of its own."""
@@ -110,10 +110,6 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
     Args:
         visual: with shapes to be seen by, and the output `query` of the SceneGraph.
         meshcat: where to show them; makes it visual.
-
-    Raises:
-        InputError: see `check_scenario` and the readers of its files; the model cannot be parsed, or has not what the
-            scenario names; the carriage cannot reach `fulcrum_mm`.
     """
     check_scenario(scenario)
     model = load_model(file_of(scenario.model)) if scenario.model else ModelParameters()
@@ -122,7 +118,7 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
         model = model_with(model, load_contact(path).values, file=path)
     check_fulcrum(1e-3 * scenario.fulcrum_mm, model.foot, where="fulcrum_mm")
     builder, visual = DiagramBuilder(), visual or meshcat is not None
-    parts: Any
+    parts: BenchDiagram | GaitDiagram | dict[str, WiredFoot]
     if scenario.kind == "leg":
         plant, scene_graph, parts = _add_leg(builder, scenario, model, visual=visual)
         feet = {name: wired.foot for name, wired in parts.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import count
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from pydrake.common.value import Value
@@ -27,6 +27,12 @@ SERVO_FREQUENCY = 2 * np.pi * 600.0
 S = TypeVar("S", bound=LeafSystem)
 
 
+class HasOutputs(Protocol):
+    """A system, or what has outputs by their names like one."""
+
+    def GetOutputPort(self, name: str, /) -> OutputPort: ...
+
+
 def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, system: LeafSystem) -> None:
     """Feeds `system` from the plant: body poses, body spatial velocities and state, whichever it takes."""
     for name in ("body_poses", "body_spatial_velocities", "state"):
@@ -44,7 +50,7 @@ def add_forces(builder: DiagramBuilder, plant: MultibodyPlant, name: str, system
     return system
 
 
-def export_outputs(builder: DiagramBuilder, system: Any, names: Iterable[str], prefix: str = "") -> None:
+def export_outputs(builder: DiagramBuilder, system: HasOutputs, names: Iterable[str], prefix: str = "") -> None:
     """Exports outputs of a system, or of a wired foot, with `prefix` before their names."""
     for name in names:
         builder.ExportOutput(system.GetOutputPort(name), prefix + name)
@@ -68,11 +74,8 @@ def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: O
     """Applies the list of spatial forces in `port` to `plant`, beside whatever is applied there already.
 
     Works in any order and any number of times before `builder.Build()`: what was connected stays, and comes together
-    with `port` in an ExternallyAppliedSpatialForceMultiplexer.
-
-    Raises:
-        InputError: the plant's port is exported as an input of the diagram, `port` is no list of spatial forces or of
-            no system in `builder`, or it acts on the plant already.
+    with `port` in an ExternallyAppliedSpatialForceMultiplexer. InputError if the plant's port is exported as an input
+    of the diagram, or `port` is no list of spatial forces, of no system in `builder`, or acts on the plant already.
     """
     check_shareable(builder, plant)
     check_port(builder, port)
@@ -85,11 +88,7 @@ def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: O
 
 
 def share_generalized_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort) -> None:
-    """Applies the generalized force in `port` (num_velocities,) to `plant`, added to what is applied there already.
-
-    Raises:
-        InputError: as `share_spatial_forces`, or `port` has another size.
-    """
+    """Applies the generalized force in `port` (num_velocities,) to `plant`, as `share_spatial_forces` spatial ones."""
     check_shareable(builder, plant)
     check_port(builder, port, plant.num_velocities(),
                f"A generalized force on this plant has {plant.num_velocities()}, one a velocity")
@@ -166,10 +165,7 @@ def to_symbolic(diagram: Diagram) -> Diagram:
     """Converts `diagram` to symbolic expressions (`pydrake.symbolic.Expression`), as its `ToSymbolic` does.
 
     The keel's springs, servos and commands, which are linear, have a symbolic form, as Drake's MultibodyPlant has; what
-    stands on the ground has none. For derivatives of a whole diagram take `ToAutoDiffXd`.
-
-    Raises:
-        InputError: a system in it has no symbolic form; the message names each and says why.
+    stands on the ground has none, and InputError names it. For derivatives of a whole diagram take `ToAutoDiffXd`.
     """
     converted: Any = diagram.ToSymbolicMaybe()
     if converted is not None:

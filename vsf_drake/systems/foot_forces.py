@@ -28,6 +28,8 @@ DEVICE = dict.fromkeys(PER_JOINT, "m") | dict.fromkeys(
 CONTACT = {"p_BS": "N3", **dict.fromkeys(SITE_COLUMNS, "N"), "ground_bounds": "M4", **dict.fromkeys(PATCH_COLUMNS, "M"),
            **dict.fromkeys(("threshold_velocity", "depth_width", "rate_width"), "")}
 """Parameters and their shapes, of m keel joints, N spheres and M patches."""
+Constant = float | np.ndarray
+"""One value, or one for each joint, sphere or patch."""
 FORCES = ("support_force", "joint_moment")
 GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "friction_force")
 
@@ -95,16 +97,14 @@ class FootForces(System):
     `laws.smooth_contact`, threshold_velocity (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x,
     ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see `vsf_drake.ground`.
 
-    Raises:
-        ValueError: a constant is missing or unknown, or there is no such law.
-        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a keel body is
-            beyond its grip_limit; a width, depth or velocity that a law divides by is not above 0.
+    When evaluated, InputError says that the fulcrum's position is not a number, or in mm, that the load on a keel body
+    is beyond its grip_limit, or a constant out of bounds.
     """
 
     def __init__(
         self, *, num_positions: int, num_velocities: int, position_indices: Sequence[int],
         velocity_indices: Sequence[int], frame_body_index: SupportsInt, keel_starts: np.ndarray,
-        site_keel: Sequence[int], law: str | None, constants: dict[str, Any], grip_limit: np.ndarray | None = None
+        site_keel: Sequence[int], law: str | None, constants: dict[str, Constant], grip_limit: np.ndarray | None = None
     ) -> None:
         if law is not None and law not in CONTACT_LAWS:
             raise ValueError(f"law is {law!r}, but must be one of {', '.join(CONTACT_LAWS)}, or None")

@@ -133,9 +133,6 @@ class FulcrumCommand(System):
 
     It does not convert to AutoDiffXd, and so does no diagram that holds it, nor has either a `Clone`: a plant that
     Drake 1.51 converts or clones has actuators without gains, and the keel of that foot no springs.
-
-    Raises:
-        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; (when converted) see above.
     """
 
     def __init__(self, *, num_actuators: int, carriage: int, fulcrum_m: float) -> None:
