@@ -120,3 +120,11 @@ def test_too_little_storage_begins_again_where_snopt_was_with_more(monkeypatch):
     assert not np.allclose(starts[0], starts[1])
     assert rows[1] > rows[0]
     assert theirs.cost == pytest.approx(solve(problem, start).cost, rel=1e-4)
+
+
+def test_a_solver_that_runs_out_of_time_or_iterations_says_so(monkeypatch):
+    problem, start, _ = PROBLEMS["pendulum"]()
+    assert confirm(problem, start, "ipopt", time_limit_s=1e-6).status == "time"
+    monkeypatch.setattr(importlib.import_module("vsf_drake.collocation.program"), "MINOR_ITERATIONS", 2)
+    for solver in ("snopt", "ipopt"):
+        assert confirm(problem, start, solver).status == "iterations", solver
