@@ -130,7 +130,7 @@ def test_a_search_takes_no_more_steps_than_it_needs(make, most, evaluations):
 
 
 def in_another_unit_of_time(problem, unit):
-    """The same problem with times (s) `unit` times as large: q and w as they are, v, u and a smaller by unit, unit^2."""
+    """The same problem with times (s) `unit` times as large: q and w stay, v, u and a are smaller by unit, unit^2."""
     layout, grid = problem.layout, problem.grid
     less = np.ones(layout.size)
     less[layout.v] = less[layout.u] = unit
