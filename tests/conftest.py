@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import re
 from collections.abc import Callable
@@ -10,6 +12,9 @@ from pathlib import Path
 import pytest
 from command_line import exit_code
 from made_trial import TrialFiles
+from once import once
+
+from vsf_drake.files import resource
 
 
 @pytest.fixture(scope="session")
@@ -26,6 +31,21 @@ def shared_data() -> Path:
 def trial_files(tmp_path: Path) -> TrialFiles:
     """A small constructed walk on disk, of which a test can spoil one thing."""
     return TrialFiles(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def quick_fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A quick fit of the walk medium_1 and the measured curves of its foot; what it says stands in said.txt beside."""
+    data = resource("data/reference_subject")
+
+    def fit(folder: Path) -> None:
+        folder.mkdir()
+        words = ("--bench", data / "bench_curves.csv", "--quick")
+        with contextlib.redirect_stdout(io.StringIO()) as said:
+            assert exit_code("fit", data / "exact/medium_1.yaml", "--out", folder / "fit", *words) == 0
+        (folder / "said.txt").write_text(said.getvalue(), encoding="utf-8")
+
+    return once(tmp_path_factory, "quick_fit", fit) / "fit"
 
 
 @pytest.fixture

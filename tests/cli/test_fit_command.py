@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import io
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import exit_code, read_json
+from command_line import read_json
 
 from vsf_drake.analysis.contact_fit import ContactFitOptions, PaperOptions
 from vsf_drake.cli import fit_run
@@ -24,19 +22,45 @@ EXACT = DATA / "exact"
 TRIAL = EXACT / "medium_1.yaml"
 
 
-@pytest.fixture(scope="module")
-def quick(tmp_path_factory) -> tuple[Path, str]:
-    """The folder of a quick fit of one trial, and what was said on the screen."""
-    out, said = tmp_path_factory.mktemp("quick") / "fit", io.StringIO()
-    with contextlib.redirect_stdout(said):
-        assert exit_code("fit", TRIAL, "--out", out, "--quick") == 0
-    return out, said.getvalue()
-
-
 @pytest.fixture
 def bare(monkeypatch):
     """Fits write no figures, which take longer than a quick fit."""
     monkeypatch.setattr(fit_output, "fit_figures", lambda *_: {})
+
+
+def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
+    table, said = read_json(quick_fit / "fit.json"), (quick_fit.parent / "said.txt").read_text(encoding="utf-8")
+    assert table["files"] == sorted(path.name for path in quick_fit.glob("[!.]*"))
+    assert {"contact.yaml", "fit.json", "fit.npz", "report.html", "errors.png", "parameters.svg", "bench.png",
+            "trial_1_medium_1.png"} < set(table["files"])
+    assert load_contact(quick_fit / "contact.yaml").verdict == tuple(table["verdict"])
+    assert "SYNTHETIC, not recorded: medium_1, the bench." in said and "Trials (SYNTHETIC)" in said
+    assert all(f"- {sentence}" in said for sentence in table["verdict"])
+    row = next(line for line in said.splitlines() if line.startswith("medium_1"))
+    assert f"{100 * table['trials'][0]['metrics']['grf_rmse_bw']:.1f}" in row.split()
+    assert "offset.height" in said and "Smooth errors of joint angles" in said
+    assert "curve.hip_flexion_r.0 " not in said and "friction.mu_static" not in said
+
+
+def test_measured_curves_bring_stiffness_and_displacement_into_fit_page_and_screen(quick_fit):
+    table, said = read_json(quick_fit / "fit.json"), (quick_fit.parent / "said.txt").read_text(encoding="utf-8")
+    found = table["bench"]["mid_range"]
+    apart = np.subtract(found["model_mm"], found["measured_mm"])
+    assert found["rmse_mm"] == pytest.approx(np.sqrt(np.mean(apart**2))) and len(apart) == 5
+    assert found["heel_model_mm"] > 0.0 and found["published_rmse_mm"] == 0.45
+    assert "Mid-range displacement, mm" in said and any("displacement is" in text for text in table["verdict"])
+    assert "Mid-range displacement" in (quick_fit / "report.html").read_text(encoding="utf-8")
+    assert "bench: bench_curves.csv" in table["inputs_sha256"] and table["options"]["bench"] == "bench_curves.csv"
+    assert {row["series"] for row in table["noise"]["ratios"]} >= {"bench", "mid-range displacement"}
+
+
+def test_a_fitted_contact_gives_the_walk_that_the_fit_reports(run, quick_fit, tmp_path):
+    words = ("--contact", quick_fit / "contact.yaml", "--out", tmp_path / "walk", "--no-replay")
+    assert run("simulate", TRIAL, *words)[0] == 0
+    walked = read_json(tmp_path / "walk/metrics.json")
+    fitted = read_json(quick_fit / "fit.json")["trials"][0]["metrics"]
+    for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl"):
+        assert walked[key] == pytest.approx(fitted[key], rel=1e-3)
 
 
 def left_by_a_failed_fit(out: Path) -> dict:
@@ -50,53 +74,9 @@ def left_by_a_failed_fit(out: Path) -> dict:
     return table
 
 
-def test_a_fit_leaves_the_files_that_its_table_names(quick):
-    out, _ = quick
-    table = read_json(out / "fit.json")
-    assert table["files"] == sorted(path.name for path in out.glob("[!.]*"))
-    assert {"contact.yaml", "fit.json", "fit.npz", "report.html", "errors.png", "parameters.svg",
-            "trial_1_medium_1.png"} < set(table["files"])
-    assert load_contact(out / "contact.yaml").verdict == tuple(table["verdict"])
-
-
-def test_a_fitted_contact_gives_the_walk_that_the_fit_reports(run, quick, tmp_path):
-    out, _ = quick
-    words = ("--contact", out / "contact.yaml", "--out", tmp_path / "walk", "--no-replay")
-    assert run("simulate", TRIAL, *words)[0] == 0
-    walked, fitted = read_json(tmp_path / "walk/metrics.json"), read_json(out / "fit.json")["trials"][0]["metrics"]
-    for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl"):
-        assert walked[key] == pytest.approx(fitted[key], rel=1e-3)
-
-
-def test_what_nobody_measured_is_called_synthetic_everywhere(quick):
-    out, said = quick
-    assert "SYNTHETIC, not recorded: medium_1." in said and "Trials (SYNTHETIC)" in said
-    table = read_json(out / "fit.json")
-    assert table["synthetic"] and table["trials"][0]["synthetic"]
-    page = (out / "report.html").read_text(encoding="utf-8")
-    assert "(SYNTHETIC)</title>" in page and "SYNTHETIC, not recorded: medium_1" in page
-
-
-def test_that_there_is_no_bench_is_said_on_screen_and_page(quick):
-    out, said = quick
-    assert "No bench was given" in said.splitlines()[1]
-    assert "No bench was given" in (out / "report.html").read_text(encoding="utf-8")
-
-
-def test_the_screen_tells_trials_parameters_and_every_sentence_of_the_verdict(quick):
-    out, said = quick
-    table = read_json(out / "fit.json")
-    for sentence in table["verdict"]:
-        assert f"- {sentence}" in said
-    row = next(line for line in said.splitlines() if line.startswith("medium_1"))
-    assert f"{100 * table['trials'][0]['metrics']['grf_rmse_bw']:.1f}" in row.split()
-    assert "offset.height" in said and "Smooth errors of joint angles" in said
-    assert "curve.hip_flexion_r.0 " not in said and "friction.mu_static" not in said
-
-
-def test_a_fit_that_did_not_converge_fails_and_takes_the_old_contact_with_it(run, quick, tmp_path, monkeypatch):
+def test_a_fit_that_did_not_converge_fails_and_takes_the_old_contact_with_it(run, quick_fit, tmp_path, monkeypatch):
     out = tmp_path / "fit"
-    shutil.copytree(quick[0], out)
+    shutil.copytree(quick_fit, out)
     (out / "notes.txt").write_text("mine")
     monkeypatch.setattr(fit_run, "ContactFitOptions", functools.partial(ContactFitOptions, iterations=1))
     code, _, error = run("fit", TRIAL, "--out", out, "--quick")
@@ -123,14 +103,6 @@ def test_a_simulation_that_fails_leaves_a_report_of_failure(run, tmp_path, monke
     assert ("cannot be judged" in table["message"]) == (where == "assess")
 
 
-def test_a_bench_that_fails_where_the_search_starts_leaves_a_report_of_failure(run, tmp_path, bare):
-    bench, out = tmp_path / "bench.yaml", tmp_path / "fit"
-    bench.write_text((DATA / "bench.yaml").read_text(encoding="utf-8").replace("600", "100000"), encoding="utf-8")
-    code, _, said = run("fit", TRIAL, "--bench", bench, "--out", out, "--quick")
-    assert code == 4 and "wherever a search starts" in said
-    left_by_a_failed_fit(out)
-
-
 def interrupted(monkeypatch, *, after: int) -> None:
     """Ctrl-C as soon as the state has been saved so many times."""
     saved = 0
@@ -148,8 +120,8 @@ def interrupted(monkeypatch, *, after: int) -> None:
 
 def same_fit(one: Path, other: Path) -> None:
     first, second = (read_json(path / "fit.json") for path in (one, other))
-    assert [row["value"] for row in first["parameters"]] == [row["value"] for row in second["parameters"]]
-    assert first["searches"] == second["searches"] and first["history"] == second["history"]
+    for key in ("parameters", "searches", "history"):
+        assert first[key] == second[key]
     assert first["trials"][0]["metrics"]["grf_rmse_bw"] == second["trials"][0]["metrics"]["grf_rmse_bw"]
 
 
@@ -172,9 +144,9 @@ def test_an_interrupted_fit_goes_on_to_the_same_end(run, tmp_path, monkeypatch, 
     same_fit(out, tmp_path / "whole")
 
 
-def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(run, quick, tmp_path, monkeypatch, bare):
+def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(run, quick_fit, tmp_path, monkeypatch, bare):
     out = tmp_path / "fit"
-    shutil.copytree(quick[0], out)
+    shutil.copytree(quick_fit, out)
 
     def pressed(self: object, state: object) -> None:
         raise KeyboardInterrupt
@@ -230,18 +202,10 @@ def test_the_papers_procedure_runs_and_resumes_to_the_same_end(run, tmp_path, mo
     with monkeypatch.context() as patch:
         interrupted(patch, after=1)
         assert run(*words, "--out", tmp_path / "parts")[0] == 130
+    code, _, error = run("fit", TRIAL, "--resume", "--out", tmp_path / "parts")
+    assert code == 2 and "checkpoint.json: --resume: was left by a fit of other trials, parameters or options" in error
     assert run(*words, "--resume", "--out", tmp_path / "parts")[0] == 0
     same_fit(tmp_path / "parts", tmp_path / "whole")
-
-
-def test_a_state_of_the_other_strategy_is_refused(run, tmp_path, monkeypatch, bare, brief_paper):
-    with monkeypatch.context() as patch:
-        interrupted(patch, after=1)
-        assert run("fit", TRIAL, "--quick", "--out", tmp_path / "fit")[0] == 130
-    before = (tmp_path / "fit/checkpoint.json").read_bytes()
-    code, _, error = run("fit", TRIAL, "--strategy", "paper", "--resume", "--out", tmp_path / "fit")
-    assert code == 2 and "checkpoint.json: --resume: was left by a fit of other trials, parameters or options" in error
-    assert (tmp_path / "fit/checkpoint.json").read_bytes() == before
 
 
 @pytest.mark.slow

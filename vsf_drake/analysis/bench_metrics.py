@@ -7,6 +7,7 @@ the foam no longer dominates. Published end points: Glanzer & Adamczyk 2018 (PMC
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,6 +51,7 @@ def stiffness(displacement_m: np.ndarray, load_n: np.ndarray, *, above_n: float 
     if load[-1] <= above_n:
         raise InputError(f"the largest load is {load[-1]:.4g} N, and stiffness is the mean slope above {above_n:g} N",
                          where=where, right="Press further: raise the largest load")
+    # (1/Δx) ∫ dF/dx dx = (F_max - F_above) / (x_max - x_above)
     return float((load[-1] - above_n) / (x[-1] - _position(x, load, above_n)))
 
 
@@ -131,7 +133,7 @@ def _bench_pass(setting: BenchSetting) -> BenchPass:
         published_n_per_mm=None if published is None else 1e-3 * published, prediction=published is None)
 
 
-def closed_form_stiffness(parameters: dict[str, Any], fulcrum_m: np.ndarray) -> np.ndarray | None:
+def closed_form_stiffness(parameters: Mapping[str, Any], fulcrum_m: np.ndarray) -> np.ndarray | None:
     """Stiffness (N/m) of the overhung beam with the compliances in `parameters` at `fulcrum_m`.
 
     `parameters` are plain values of the foot, or of the model that holds it as `foot`. None where they are not among

@@ -89,15 +89,15 @@ def compare(result: Walked, plate: PlateRecording) -> Comparison:
     raw = resample(grid, result.time_s, result.grf_W @ axes.T)
     model = low_pass(raw, rate_hz=1.0 / step, cutoff_hz=FORCE_CUTOFF_HZ)
     plate_force = plate.force_W @ axes.T
-    kept = (grid >= plate.time_s[0] - 1e-9) & (grid <= plate.time_s[-1] + 1e-9)
-    if np.count_nonzero(kept) < 2:
+    seen = (grid >= plate.time_s[0] - 1e-9) & (grid <= plate.time_s[-1] + 1e-9)
+    if np.count_nonzero(seen) < 2:
         raise ValueError(f"the plate's record, {plate.time_s[0]:g} to {plate.time_s[-1]:g} s, does not overlap the "
                          f"simulation, {grid[0]:g} to {grid[-1]:g} s")
-    time = grid[kept]
-    found = find_stances(plate.time_s, plate_force[:, 2], threshold_n=THRESHOLD_N)
+    time = grid[seen]
+    measured_stances = find_stances(plate.time_s, plate_force[:, 2], threshold_n=THRESHOLD_N)
     model_stances = find_stances(grid, raw[:, 2], threshold_n=THRESHOLD_N)
     stances = []
-    for stance in (s for s in found if s.end_s > time[0] and s.start_s < time[-1]):
+    for stance in (s for s in measured_stances if s.end_s > time[0] and s.start_s < time[-1]):
         instants = percent_instants(stance)
         cop = [filtered_while_loaded((p @ axes.T)[:, :2], t, force, p, instants)
                for t, force, p in ((plate.time_s, plate_force[:, 2], plate.cop_W),
@@ -108,9 +108,9 @@ def compare(result: Walked, plate: PlateRecording) -> Comparison:
             inside=bool(stance.complete and stance.start_s >= time[0] and stance.end_s <= time[-1]),
             span=(max(stance.start_s - MARGIN_S, float(time[0])), min(stance.end_s + MARGIN_S, float(time[-1])))))
     comparison = Comparison(
-        time_s=time, step_s=step, model=model[kept], measured=_filtered_plate(time, step, plate, plate_force),
+        time_s=time, step_s=step, model=model[seen], measured=_filtered_plate(time, step, plate, plate_force),
         scored=np.zeros(len(time), dtype=bool), stances=tuple(stances), heading=heading,
-        extra_model_stances=sum(partner(stance, found) is None for stance in model_stances))
+        extra_model_stances=sum(partner(stance, measured_stances) is None for stance in model_stances))
     for item in stances:
         comparison.scored[comparison.within(*item.span)] = True
     return comparison
@@ -178,8 +178,8 @@ def filtered_while_loaded(
 
 def partner(stance: Stance, candidates: Sequence[Stance]) -> Stance | None:
     """The one of `candidates` that overlaps `stance` most, if any does."""
-    found = [(min(one.end_s, stance.end_s) - max(one.start_s, stance.start_s), one) for one in candidates]
-    overlap, best = max(found, key=lambda item: item[0], default=(0.0, None))
+    overlaps = [(min(one.end_s, stance.end_s) - max(one.start_s, stance.start_s), one) for one in candidates]
+    overlap, best = max(overlaps, key=lambda item: item[0], default=(0.0, None))
     return best if overlap > 0.0 else None
 
 

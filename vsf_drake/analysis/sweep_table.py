@@ -146,12 +146,13 @@ def _scores(outcome: WalkOutcome) -> tuple[Scores, float | None]:
     """With the largest vertical force (BW) that the plate measured."""
     trial = outcome.case.trial
     plate = trial.prosthetic_plate
-    told = agreement(compare(as_walk(outcome), plate), plate, body_weight_n=trial.subject.mass_kg * GRAVITY,
-                     foot_length_m=trial.model.foot.length_m)
-    return Scores(
-        grf_rmse_bw=told.grf_rmse_bw, cop_rmse_fl=told.cop_rmse_fl, vertical_impulse_error=told.vertical_impulse_error,
-        peak_vertical_bw=told.peak_vertical_bw("model"), unconverged_steps=outcome.unconverged_steps,
-        refined_steps=outcome.refined_steps), told.peak_vertical_bw("measured")
+    agreed = agreement(compare(as_walk(outcome), plate), plate, body_weight_n=trial.subject.mass_kg * GRAVITY,
+                       foot_length_m=trial.model.foot.length_m)
+    of_walk = Scores(
+        grf_rmse_bw=agreed.grf_rmse_bw, cop_rmse_fl=agreed.cop_rmse_fl,
+        vertical_impulse_error=agreed.vertical_impulse_error, peak_vertical_bw=agreed.peak_vertical_bw("model"),
+        unconverged_steps=outcome.unconverged_steps, refined_steps=outcome.refined_steps)
+    return of_walk, agreed.peak_vertical_bw("measured")
 
 
 def sweep_table(

@@ -137,10 +137,10 @@ def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], position
     for i, file in enumerate(trials):
         if file.resolve() in [other.resolve() for other in trials[:i]]:
             raise InputError("the trial stands twice", file=file)
-    found = read_trials(trials, contact)
-    names = [trial.name for trial in found]
+    loaded = read_trials(trials, contact)
+    names = [trial.name for trial in loaded]
     variables: dict[str, Any] = {}
-    for file, trial in zip(trials, found, strict=True):
+    for file, trial in zip(trials, loaded, strict=True):
         own = Walker(trial.subject, trial.model).variables
         try:
             check_names([item.name for item in axes], own, where="--vary")
@@ -157,9 +157,9 @@ def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], position
         for mm in positions:
             check_fulcrum(1e-3 * mm, trial.model.foot, where="--fulcrum-mm")
     if sampled and any(item.name == SHIFT and not item.values for item in axes):
-        variables = _within_reach(variables, found, positions)
+        variables = _within_reach(variables, loaded, positions)
     return {name if names.count(name) == 1 else f"{name} ({file})": trial
-            for name, file, trial in zip(names, trials, found, strict=True)}, variables
+            for name, file, trial in zip(names, trials, loaded, strict=True)}, variables
 
 
 def _within_reach(variables: dict[str, Any], trials: Sequence[Any], positions: Sequence[float]) -> dict[str, Any]:
@@ -204,10 +204,10 @@ def axis(text: str, *, sampled: bool) -> Axis:
 def values_of(text: str, where: str) -> tuple[float, ...]:
     """`66:151:5`, `66,87,108` or `66` as numbers."""
     if ":" not in text:
-        found = tuple(_number(part, where) for part in text.split(","))
-        if len(set(found)) != len(found):
+        values = tuple(_number(part, where) for part in text.split(","))
+        if len(set(values)) != len(values):
             raise InputError(f"{text!r} names a value twice", where=where)
-        return found
+        return values
     parts = text.split(":")
     if len(parts) != 3:
         raise InputError(f"{text!r} is no range", where=where, right="Give LOW:HIGH:COUNT, or values with commas")

@@ -142,15 +142,6 @@ def test_a_search_may_go_on_for_longer_than_it_was_begun_for(trial, walker, kept
     assert len(fitted([trial], longer, walker, resume=json.loads(kept[-1])).state.history) == 3
 
 
-def test_progress_tells_iteration_error_and_fraction(trial, walker, short):
-    told = []
-    state = fitted([trial], SHORT, walker, progress=lambda *what: told.append(what)).state
-    assert [fraction for _, fraction in told] == [0.0, 0.5, 1.0]
-    objectives = [state.initial_objective_n2, *(objective for _, objective, _ in state.history)]
-    assert [what for what, _ in told] == [f"iteration {i}, resultant {state.rms_n(objective):.1f} N off"
-                                          for i, objective in enumerate(objectives)]
-
-
 def test_objective_of_two_trials_is_the_sum(trial, stiff, walker, short):
     def score(*trials):
         return scores(ContactFit(trials, walker=walker, options=SHORT), [short.values])[0]
@@ -158,14 +149,6 @@ def test_objective_of_two_trials_is_the_sum(trial, stiff, walker, short):
     both = score(trial, stiff)
     assert both.objective_n2 == pytest.approx(score(trial).objective_n2 + score(stiff).objective_n2)
     assert both.simulations == 2
-
-
-def test_friction_stays_as_given_unless_asked_for(trial, walker, short):
-    assert not [name for name in short.values if name.startswith("friction")]
-    end = fitted([trial], dataclasses.replace(SHORT, friction=True, iterations=1), walker)
-    assert len([name for name in end.values if name.startswith("friction")]) == 3
-    assert end.initial_values["friction.mu_static"] == 0.5
-    assert end.state.initial_objective_n2 == short.state.initial_objective_n2
 
 
 class Broken:
@@ -218,22 +201,6 @@ def test_person_far_above_the_ground_is_refused(trial, walker):
     floating = dataclasses.replace(trial, offsets=GeometricOffsets(height_m=0.2))
     with pytest.raises(InputError, match="does not carry the recorded load"):
         fitted([floating], SHORT, walker)
-
-
-def test_trial_without_a_stance_in_its_window_is_refused(trial, walker):
-    cut = dataclasses.replace(trial, end_s=0.15)
-    with pytest.raises(InputError, match="saw no stance of the prosthetic foot"):
-        fitted([cut], SHORT, walker)
-
-
-def test_trials_that_do_not_belong_together_are_refused(trial, stiff, walker):
-    heavier = dataclasses.replace(stiff, subject=dataclasses.replace(trial.subject, mass_kg=90.0))
-    foot = dataclasses.replace(trial.model.foot, mass_kg=1.5 * trial.model.foot.mass_kg)
-    other = dataclasses.replace(stiff, model=dataclasses.replace(trial.model, foot=foot))
-    for trials, match in (([trial, heavier], "another subject"), ([trial, other], "another model"),
-                          ([], "no trial"), (trial, "no list of trials")):
-        with pytest.raises(InputError, match=match):
-            fitted(trials, SHORT, walker)
 
 
 @pytest.mark.slow

@@ -120,18 +120,18 @@ def iterate(
     iteration, centre = len(state.history) + 1, np.array(state.best)
     drawn = space.sample(centre, count=options.scenarios, spread=options.spread,
                          random=np.random.default_rng([options.seed, iteration]))
-    found = score([space.values(x) for x in drawn])
-    failures = [item.error for item in found if item.error is not None]
-    if len(failures) == len(found):
+    scored = score([space.values(x) for x in drawn])
+    failures = [item.error for item in scored if item.error is not None]
+    if len(failures) == len(scored):
         raise failures[-1]
-    first = int(np.argmin([item.objective_n2 for item in found]))
+    first = int(np.argmin([item.objective_n2 for item in scored]))
     best, objective = centre, state.objective_n2
-    if found[first].objective_n2 < objective:
-        best, objective = drawn[first], float(found[first].objective_n2)
+    if scored[first].objective_n2 < objective:
+        best, objective = drawn[first], float(scored[first].objective_n2)
     return replace(
         state, best=tuple(map(float, best)), objective_n2=objective,
         history=(*state.history, (iteration, objective, space.change(centre, best))),
-        simulations=state.simulations + sum(item.simulations for item in found),
+        simulations=state.simulations + sum(item.simulations for item in scored),
         failed_simulations=state.failed_simulations + len(failures))
 
 
@@ -204,12 +204,12 @@ def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
         space = paper_space(fit.walker.variables, stiffness, options)
         values, steps = space.values(space.start), steps + 1
         try:
-            found = [fit.walk(trial, values, step_s=options.step_s)[0] for trial in fit.trials]
-            if sum(map(surplus_n, found)) >= 0.0:
+            comparisons = [fit.walk(trial, values, step_s=options.step_s)[0] for trial in fit.trials]
+            if sum(map(surplus_n, comparisons)) >= 0.0:
                 first = _score(fit, values)
                 return PaperState(
                     stiffness=stiffness, initial_objective_n2=first.objective_n2, objective_n2=first.objective_n2,
-                    best=tuple(map(float, space.start)), instants=sum(int(c.scored.sum()) for c in found),
+                    best=tuple(map(float, space.start)), instants=sum(int(c.scored.sum()) for c in comparisons),
                     simulations=(steps + 1) * len(fit.trials), failed_simulations=len(failures),
                     wall_s=time.perf_counter() - began)
         except SimulationError as error:
@@ -246,15 +246,15 @@ class PaperSpace:
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """The values of a walk's variables (SI) at x (P,)."""
-        found = dict(zip(self.names, map(float, x), strict=True))
+        values = dict(zip(self.names, map(float, x), strict=True))
         for name in self.names:
             if name.endswith(".stiffness"):
-                found[name] *= _MM_PER_M ** found[name.removesuffix("stiffness") + "exponent"]
+                values[name] *= _MM_PER_M ** values[name.removesuffix("stiffness") + "exponent"]
             elif name.endswith(".damping"):
-                found[name] *= _MM_PER_M
+                values[name] *= _MM_PER_M
             elif name.endswith(".full_damping_depth"):
-                found[name] /= _MM_PER_M
-        return found
+                values[name] /= _MM_PER_M
+        return values
 
     def change(self, x: np.ndarray, other: np.ndarray) -> float:
         """Largest difference of a parameter between two points, over the distance of its bounds."""

@@ -363,7 +363,7 @@ def _refused(what: str, right: str | None = None) -> InputError:
 
 
 def _courses(targets: Collection[str], trial: Trial, coefficients: int) -> tuple[Course, ...]:
-    found: list[Course] = []
+    courses: list[Course] = []
     families: dict[str, Callable[[int], Callable[[np.ndarray], np.ndarray]]] = {}
     for name in dict.fromkeys(target.removeprefix("course.") for target in targets if target.startswith("course.")):
         kind, coordinate, index = name.rsplit(".", 2)
@@ -372,8 +372,8 @@ def _courses(targets: Collection[str], trial: Trial, coefficients: int) -> tuple
         if kind not in families:
             families[kind] = _members(_curves(trial, coefficients) if kind == "curve" else
                                       window_bsplines(trial.start_s, trial.end_s, PATH_COEFFICIENTS))
-        found.append(Course(name=name, coordinate=coordinate, shape=families[kind](int(index))))
-    return tuple(found)
+        courses.append(Course(name=name, coordinate=coordinate, shape=families[kind](int(index))))
+    return tuple(courses)
 
 
 def _curves(trial: Trial, coefficients: int) -> Callable[[np.ndarray], np.ndarray]:

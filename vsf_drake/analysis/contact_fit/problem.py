@@ -175,14 +175,14 @@ class ContactFit:
         self.evaluations += 1
         with ThreadPoolExecutor(min(len(self._terms), os.cpu_count() or 1)) as pool:
             each = pool.map(lambda trial: trial.terms(u, derivatives=derivatives), self._terms)
-            found = [term for terms in each for term in terms]
+            terms = [term for of_trial in each for term in of_trial]
         prior = [p for p, item in enumerate(self.parameters.free) if item.prior]
-        found += [*self._bench_terms(u, derivatives),
+        terms += [*self._bench_terms(u, derivatives),
                   Term(name=PRIOR, trial=PRIOR, times_s=None, residual=u[prior],
                        by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0)))]
         evaluation = Evaluation(
-            residual=np.concatenate([term.weight * term.residual for term in found]),
-            jacobian=np.vstack([term.weight * term.by for term in found]), terms=tuple(found))
+            residual=np.concatenate([term.weight * term.residual for term in terms]),
+            jacobian=np.vstack([term.weight * term.by for term in terms]), terms=tuple(terms))
         self._last = (u.copy(), derivatives, evaluation)
         return evaluation
 
@@ -211,14 +211,14 @@ class ContactFit:
                  bench.uncertainty_n_per_m),
                 (MID_RANGE, machine.displacement, bench.mid_range_m, bench.heel_mid_range_m,
                  bench.mid_range_uncertainty_m)]
-        found = []
+        terms = []
         for name, press, forefoot, heel, sd in rows:
             if forefoot is not None and sd is not None:
                 model, by = press(at.values, names)
                 measured = np.array([*forefoot, *([] if heel is None else [heel])])
-                found.append(Term(name=name, trial=BENCH, times_s=None, residual=(model - measured) / sd,
+                terms.append(Term(name=name, trial=BENCH, times_s=None, residual=(model - measured) / sd,
                                   by=(by @ at.by if derivatives else np.zeros((len(model), 0))) / sd))
-        return found
+        return terms
 
     def program(self, evaluate: Callable[..., Evaluation] | None = None) -> MathematicalProgram:
         """The fit for Drake's solvers: bounded variables u and one cost with its gradient; `evaluate` stands in for
@@ -268,16 +268,17 @@ class TrialTerms:
         model, measured = c.model[rows], c.measured[rows]
         by = np.zeros((len(rows), 3, 0)) if force_by is None else force_by[rows]
         weight_n = self.trial.subject.mass_kg * GRAVITY
-        found, late = [], []
+        of_forces, of_centres = [], []
         for name in self.fit.options.series:
             if name in FORCES:
                 i = FORCES.index(name)
-                found.append(self._term(name, c.time_s[rows], (model - measured)[:, i] / weight_n, by[:, i] / weight_n))
+                of_forces.append(self._term(name, c.time_s[rows], (model - measured)[:, i] / weight_n,
+                                            by[:, i] / weight_n))
             elif name == RESULTANT:
                 size, wanted = np.linalg.norm(model, axis=1), np.linalg.norm(measured, axis=1)
-                way = model / np.maximum(size, _LEAST_RESULTANT_N)[:, None]
-                found.append(self._term(name, c.time_s[rows], (size - wanted) / weight_n,
-                                        np.einsum("ni,nip->np", way, by) / weight_n))
+                direction = model / np.maximum(size, _LEAST_RESULTANT_N)[:, None]  # d|F| = F / |F| . dF
+                of_forces.append(self._term(name, c.time_s[rows], (size - wanted) / weight_n,
+                                            np.einsum("ni,nip->np", direction, by) / weight_n))
             else:
                 axis, length = COP.index(name), result.foot_length_m
                 for i, stance in enumerate(c.stances):
@@ -285,8 +286,8 @@ class TrialTerms:
                     slope = cop_by[i][::STRIDE, axis] / length if cop_by else np.zeros((len(error), 0))
                     instants = np.linspace(stance.measured.start_s, stance.measured.end_s, len(error))
                     # Where either foot is not loaded there is no centre to compare; the force says so.
-                    late.append(self._term(name, instants, np.nan_to_num(error), np.nan_to_num(slope)))
-        return found + late
+                    of_centres.append(self._term(name, instants, np.nan_to_num(error), np.nan_to_num(slope)))
+        return of_forces + of_centres
 
     def _term(self, name: str, times: np.ndarray, error: np.ndarray, by: np.ndarray) -> Term:
         noise = self.fit.joint.noise
@@ -338,9 +339,9 @@ def check_recordings(trials: Sequence[Trial], held_out: Sequence[Trial] = (), *,
     for trial, out in [(t, False) for t in trials] + [(t, True) for t in held_out]:
         other, other_out = known.get(fingerprint(trial), (None, out))
         if other is not None:
-            told, right = ("is", "Give it once") if out == other_out else (
+            what, right = ("is", "Give it once") if out == other_out else (
                 "is fitted and held out: it is", "A held-out trial must be one that the fit has not seen")
-            raise InputError(f"{told} the same recording as {other.path}", file=trial.path, right=right)
+            raise InputError(f"{what} the same recording as {other.path}", file=trial.path, right=right)
         known[fingerprint(trial)] = (trial, out)
     for trial in (*trials, *held_out):
         _check_recording(trials[0], trial, series)
@@ -359,8 +360,8 @@ def _check_recording(first: Trial, trial: Trial, series: Sequence[str]) -> None:
         raise refused(f"its prosthesis is on the {own}, that of {first.path} on the {side}", "subject",
                       "Fit one subject at a time")
     if a != b:
-        told = "; ".join(f"{name} {value} and {a[name]}" for name, value in b.items() if value != a[name])
-        raise refused(f"is of another subject than {first.path}: {told}", "subject", "Fit one subject at a time")
+        differences = "; ".join(f"{name} {value} and {a[name]}" for name, value in b.items() if value != a[name])
+        raise refused(f"is of another subject than {first.path}: {differences}", "subject", "Fit one subject at a time")
     if trial.model != first.model:
         raise refused(f"has another model than {first.path}", "model",
                       "Trials that are fitted together share the model of the foot")

@@ -77,7 +77,7 @@ class ContactFitSolution:
         subject, shared = self.fit.walker.subject, self._walk_values(None)
         own = [(label, trial, self._walk_values(label))
                for label, trial in zip(self.fit.labels, self.fit.trials, strict=True)]
-        told = {"solver": self.fit.joint.solver} if isinstance(self.end, JointEnd) else {}
+        solver = {"solver": self.fit.joint.solver} if isinstance(self.end, JointEnd) else {}
         return FittedContact(
             format=FORMAT, strategy=self.fit.options.strategy, converged=True, verdict=verdict, values=self.walk_values,
             subject=FittedSubject(mass_kg=subject.mass_kg, stature_m=subject.stature_m,
@@ -87,7 +87,7 @@ class ContactFitSolution:
                 name=label, fingerprint=fingerprint(trial), path=_splines(values, "path"),
                 height_m=values.get(OFFSET_HEIGHT, 0.0) - shared.get(OFFSET_HEIGHT, 0.0))
                 for label, trial, values in own),
-            provenance={**provenance({}), "seed": self.fit.options.seed, **told})
+            provenance={**provenance({}), "seed": self.fit.options.seed, **solver})
 
     def predict(
         self, trial: Trial, label: str | None, *, step_s: float, fulcrum_m: float | None = None
@@ -115,12 +115,12 @@ class ContactFitSolution:
         if isinstance(self.end, PaperEnd):
             return None
         fit, began = self.fit, time.perf_counter()
-        kept = [(trial, label) for trial, label in zip(fit.trials, fit.labels, strict=True) if label not in labels]
-        if not kept:
+        left = [(trial, label) for trial, label in zip(fit.trials, fit.labels, strict=True) if label not in labels]
+        if not left:
             raise FitError("no trial is left to fit")
         parameters = FitParameters(item for item in fit.parameters.items if owner(item.name) not in labels)
-        fewer = ContactFit([trial for trial, _ in kept], bench=fit.bench, parameters=parameters, options=fit.options,
-                           walker=fit.walker, labels=[label for _, label in kept])
+        fewer = ContactFit([trial for trial, _ in left], bench=fit.bench, parameters=parameters, options=fit.options,
+                           walker=fit.walker, labels=[label for _, label in left])
         solution = _finished(fewer, (search(fewer, parameters.u(self.values)),), began)
         solution.check()
         return solution
@@ -152,11 +152,11 @@ class ContactFitSolution:
 
 def _splines(values: Mapping[str, float], kind: str) -> dict[str, tuple[float, ...]]:
     """Coefficients by coordinate of the courses of a kind."""
-    found: dict[str, list[float]] = {}
+    by_coordinate: dict[str, list[float]] = {}
     for name, value in values.items():
         if name.startswith(f"course.{kind}."):
-            found.setdefault(name.split(".")[2], []).append(value)
-    return {name: tuple(coefficients) for name, coefficients in found.items()}
+            by_coordinate.setdefault(name.split(".")[2], []).append(value)
+    return {name: tuple(coefficients) for name, coefficients in by_coordinate.items()}
 
 
 def solve(
@@ -179,8 +179,9 @@ def solve(
     if fit.options.strategy == JOINT:
         return _finished(fit, run_searches(fit, progress=progress, resume=resume, checkpoint=checkpoint), began)
     end = search_like_the_paper(fit, progress=progress, resume=resume, checkpoint=checkpoint)
-    found = ContactFitSolution(fit=fit, success=end.converged, message=end.stopped_by, end=end, wall_s=end.state.wall_s)
-    return found.checked() if end.converged else found
+    solution = ContactFitSolution(fit=fit, success=end.converged, message=end.stopped_by, end=end,
+                                  wall_s=end.state.wall_s)
+    return solution.checked() if end.converged else solution
 
 
 def _finished(fit: ContactFit, searches: tuple[Search, ...], began: float) -> ContactFitSolution:
@@ -198,8 +199,8 @@ def _finished(fit: ContactFit, searches: tuple[Search, ...], began: float) -> Co
         raise FitError(f"the simulation fails wherever a search starts: {best.message}")
     message = f"no search converged; the best one ended with: {best.message}"
     for i in (i for i in order if searches[i].success):
-        found = at(i, success=True, message=searches[i].message).checked()
-        if found.success:
-            return found
-        message = found.message
+        solution = at(i, success=True, message=searches[i].message).checked()
+        if solution.success:
+            return solution
+        message = solution.message
     return at(order[0], success=False, message=message)

@@ -56,15 +56,15 @@ def run_searches(
     """
     starts, size = fit.joint.starts, len(fit.parameters)
 
-    def kept(row: Mapping[str, Any]) -> Search:
+    def read(row: Mapping[str, Any]) -> Search:
         ends = {name: np.array(row[name], dtype=float).reshape(size) for name in ("start", "u")}
         costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
         return Search(**{**row, **ends, **costs})
 
-    done = [] if resume is None else fit.resumed(resume, lambda state: [*map(kept, state["searches"][:starts])])
+    done = [] if resume is None else fit.resumed(resume, lambda state: [*map(read, state["searches"][:starts])])
     began, before, ended = time.perf_counter(), len(done), 0.0
     for i in range(len(done), starts):
-        def told(evaluations: int, cost: float, i: int = i, ended: float = ended) -> None:
+        def tell(evaluations: int, cost: float, i: int = i, ended: float = ended) -> None:
             if progress:
                 best = min([cost, *(s.cost for s in done)])
                 share = (i + evaluations / (evaluations + _TYPICAL)) / starts
@@ -72,7 +72,7 @@ def run_searches(
                     share = (time.perf_counter() - began) * (i - before) / (ended * (starts - before))
                 progress(f"search {i + 1} of {starts}, best cost {best:.1f}", min(share, 1.0))
 
-        done.append(search(fit, _start(fit, i), told))
+        done.append(search(fit, _start(fit, i), tell))
         ended = time.perf_counter() - began
         if checkpoint:
             checkpoint({"key": fit.key, "searches": plain([vars(s) for s in done])})
@@ -128,6 +128,7 @@ def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], 
 def _left_to_gain(fit: ContactFit, u: np.ndarray) -> float:
     """By how much the best step within the bounds would lower the cost if the residuals were linear."""
     at, (low, high) = fit.evaluate(u), fit.parameters.bounds
+    # minimise 1/2 |r + J s|^2 with low <= u + s <= high
     step = lsq_linear(at.jacobian, -at.residual, bounds=(low - u - 1e-9, high - u + 1e-9))
     return at.cost - float(step.cost)
 
@@ -284,16 +285,21 @@ def uncertainty(parameters: FitParameters, u: np.ndarray, terms: Sequence[Term],
             spread += pulled.T @ noise.correlation(term.times_s) @ pulled
         if term.name != PRIOR:
             data.append(weighted)
+
+    # cov(u) = H^+ S H^+, H = J^T J of all terms and S = J^T W R W J; H^+ over the directions that are told at all
     known, directions = np.linalg.eigh(information)
     untold = known <= _UNTOLD * known[-1]
-    told = directions[:, ~untold]
-    inverse = told @ np.diag(1.0 / known[~untold]) @ told.T
+    seen = directions[:, ~untold]
+    inverse = seen @ np.diag(1.0 / known[~untold]) @ seen.T
     covariance = inverse @ spread @ inverse
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     sd[(np.abs(directions[:, untold]) > _PART).any(axis=1)] = np.inf
+
     scale = np.where((sd > 0.0) & np.isfinite(sd), sd, 1.0)
     correlation = covariance / np.outer(scale, scale)
     np.fill_diagonal(correlation, 1.0)
+
+    # directions of the data alone, u being in standard deviations of the prior
     _, singular, rows = np.linalg.svd(np.vstack(data), full_matrices=True)
     singular = np.concatenate([singular, np.zeros(count - len(singular))])
     ends = [[item.low, item.high] if np.isinf(s) else

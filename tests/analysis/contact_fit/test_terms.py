@@ -79,20 +79,6 @@ def test_instants_are_where_the_series_was_compared_and_weigh_by_their_spacing(f
     assert {term.trial for term in found.values()} == {"own"}
 
 
-def test_a_finer_step_gives_as_many_residuals(fit, soft):
-    coarse, fine = of(fit(soft)), of(fit(soft, step_s=1e-3))
-    assert len(fine["vertical"].residual) == pytest.approx(len(coarse["vertical"].residual), abs=1)
-
-
-def test_a_plate_that_is_the_walk_itself_leaves_nothing(fit, soft):
-    _, result = own_walk(fit(soft))
-    plate = PlateRecording(result.time_s, result.grf_W, result.cop_W, result.free_moment_nm, True)
-    own = replace(soft, plates=soft.plates | {"right": plate})
-    for series in (SERIES, ("resultant",)):
-        for term in of(fit(own, series)).values():
-            np.testing.assert_allclose(term.residual, 0.0, atol=1e-9)
-
-
 def test_a_plate_that_reads_more_makes_a_residual_of_that_much_less(fit, soft):
     _, result = own_walk(fit(soft))
     weight = soft.subject.mass_kg * 9.81
@@ -121,13 +107,6 @@ def test_without_a_centre_of_pressure_on_either_side_there_is_no_residual_and_no
     assert term.residual[~missing].any() and term.by[~missing].any()
 
 
-def test_no_derivatives_are_made_unless_asked_for(fit, soft):
-    for term in of(fit(soft)).values():
-        assert term.by.shape == (len(term.residual), 0)
-    for term in of(fit(soft), derivatives=True).values():
-        assert term.by.shape == (len(term.residual), len(FREE))
-
-
 @pytest.mark.parametrize("series", [SERIES, ("resultant",)])
 def test_derivatives_are_those_of_differences(fit, soft, series):
     """Of a walk whose forces change branch at single instants: compared in the mean."""
@@ -140,11 +119,3 @@ def test_derivatives_are_those_of_differences(fit, soft, series):
             wanted = (high.residual - low.residual) / (2.0 * step)
             off = np.linalg.norm(exact[low.name][:, p] - wanted) / np.linalg.norm(wanted)
             assert off < 0.01, (low.name, FREE[p], off)
-
-
-def test_the_walk_of_a_report_has_the_step_and_the_fulcrum_that_were_asked_for(fit, soft):
-    problem = fit(soft)
-    comparison, result = own_walk(problem, step_s=4e-3, fulcrum_m=0.12)
-    assert comparison.step_s == pytest.approx(4e-3)
-    assert np.all(result.fulcrum_m == 0.12)
-    assert np.all(own_walk(problem)[1].fulcrum_m == soft.fulcrum_m)

@@ -1,19 +1,25 @@
-"""`vsf-drake sweep`: what it writes, that it goes on after an interruption, and how it refuses."""
+"""`vsf-drake sweep`: from words to values, what it writes and where, how it goes on, and how it refuses."""
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
 from command_line import read_json
 from sweep_files import copied, rows
 
 from vsf_drake.analysis.validation import embedded_trials
+from vsf_drake.cli.sweep import MANY, MOST, axis, check_count, values_of
+from vsf_drake.errors import InputError
 from vsf_drake.motion.trial import load_trial
+from vsf_drake.report import outputs
 
 EMBEDDED = {path.stem: path for path in embedded_trials("exact")}
 LOW, MEDIUM = EMBEDDED["low_1"], EMBEDDED["medium_1"]
@@ -28,6 +34,43 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 from vsf_drake.cli import main
 main()
 """
+
+
+def test_a_range_holds_both_ends_and_count_values():
+    assert values_of("66:151:5", "") == pytest.approx(np.linspace(66.0, 151.0, 5))
+    assert values_of("66,87,108", "") == (66.0, 87.0, 108.0) and values_of("108", "") == (108.0,)
+    assert axis("offset.height=-0.01:0.01:3", sampled=False).values == (-0.01, 0.0, 0.01)
+    assert axis("friction.mu_static=0.5,0.3", sampled=False).values == (0.5, 0.3)
+    assert axis("offset.height", sampled=True).values == ()
+    assert axis("offset.height=-0.01:0.02", sampled=True).values == (-0.01, 0.02)
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("66:66:5", "does not rise"), ("66:151:-3", "-3 values"), ("66:151:1", "single value alone"),
+    ("66:151:1000000000", "1000000000 values"), ("66:151:2.5", "whole number"), ("66:80:90:3", "no range"),
+    ("66:inf:5", "finite"), ("66,,87", "finite"), ("66,66", "twice"), ("soft", "'soft'")])
+def test_what_is_no_range_is_refused(text, said):
+    with pytest.raises(InputError, match=said) as caught:
+        values_of(text, "--fulcrum-mm")
+    assert caught.value.where == "--fulcrum-mm"
+
+
+@pytest.mark.parametrize(("text", "sampled", "said"), [
+    ("offset.height", False, "no values"), ("offset.height=0:1:5", True, "no bounds"),
+    ("offset.height=1", True, "no bounds"), ("offset.height=1:0", True, "does not rise"),
+    ("offset.height=", False, "finite")])
+def test_grids_need_values_and_samples_bounds(text, sampled, said):
+    with pytest.raises(InputError, match=said):
+        axis(text, sampled=sampled)
+
+
+def test_thousands_of_walks_have_to_be_meant_and_tens_of_thousands_are_refused():
+    check_count(MANY, meant=False)
+    check_count(MOST, meant=True)
+    with pytest.raises(InputError, match="--yes"):
+        check_count(MANY + 1, meant=False)
+    with pytest.raises(InputError, match="at a time"):
+        check_count(MOST + 1, meant=True)
 
 
 def test_a_row_says_what_simulate_says_of_the_same_walk(run, tmp_path):
@@ -78,15 +121,6 @@ def test_the_table_holds_what_it_takes_to_repeat_a_sample(run, tmp_path):
     assert all(-0.004 + i * third <= height <= -0.004 + (i + 1) * third for i, height in enumerate(heights))
 
 
-def test_a_member_out_of_reach_is_a_row_with_its_reason_and_the_others_finish(run, tmp_path):
-    code, out, _ = run("sweep", LOW, "--out", tmp_path / "sweep", "--vary", "fulcrum.shift=-0.02,0.02", "--workers", 1)
-    assert code == 0 and "2 walks, 1 failed" in out
-    lost, done = rows(tmp_path / "sweep")
-    assert "out of the carriage's reach" in lost["failure"] and lost["grf_rmse_bw"] == ""
-    assert done["failure"] == "" and float(done["grf_rmse_bw"]) > 0.0
-    assert "1 FAILED" in (tmp_path / "sweep" / "sweep.svg").read_text(encoding="utf-8")
-
-
 def test_code_3_and_a_table_if_every_walk_fails(run, tmp_path):
     code, out, _ = run("sweep", LOW, "--out", tmp_path / "sweep", "--vary", "coordinate.pelvis_ty=-0.6", "--workers", 1)
     assert code == 3 and "1 walks, 1 failed" in out
@@ -94,47 +128,22 @@ def test_code_3_and_a_table_if_every_walk_fails(run, tmp_path):
     assert not list((tmp_path / "sweep").glob("sweep.[ps][nv]g"))  # a figure would be empty
 
 
-def test_trials_of_the_same_name_are_told_apart_by_their_files(run, tmp_path):
-    twins = [copied(LOW, tmp_path / name, name="walk", prosthesis={"fulcrum_mm": mm})
-             for name, mm in (("a", 66), ("b", 80))]
-    assert run("sweep", *twins, "--out", tmp_path / "out", "--vary", "offset.height=0", "--workers", 1)[0] == 0
-    found = rows(tmp_path / "out")
-    assert [row["trial"] for row in found] == [f"walk ({path})" for path in twins]
-    assert found[0]["grf_rmse_bw"] != found[1]["grf_rmse_bw"]
-
-
-def test_the_names_are_listed_with_unit_value_and_bounds(run):
-    code, out, _ = run("sweep", "--list", LOW)
-    assert code == 0
-    line = next(line for line in out.splitlines() if line.startswith("friction.mu_static"))
-    assert line.split() == ["friction.mu_static", "1", "0.5", "0.1", "1.5"]
-    assert any(line.startswith("offset.alignment") and " rad " in line for line in out.splitlines())
-
-
 @pytest.mark.parametrize(("words", "said"), [
     (("--fulcrum-mm", "66:300:3"), "out of the carriage's reach"),
-    (("--fulcrum-mm", "151:66:3"), "does not rise"),
     (("--vary", "contact.heel.stifness=1e4,2e4"), "Did you mean contact.heel.stiffness"),
     (("--vary", "friction.mu_static=-1:1:3"), "--vary friction.mu_static: -1.0 is not usable"),
     (("--vary", "friction.mu_static=0.1", "--vary", "friction.mu_static=0.2"), "stands twice"),
     (("--vary", "offset.height=-1:1:20000"), "--yes"),
     (("--vary", "offset.height=0:1:9000", "--vary", "offset.fore_aft=0:1:9000", "--yes"), "at a time"),
     ((), "nothing to vary"), (("--sample", 5), "nothing to vary"),
-    (("--sample", 0, "--vary", "offset.height"), "--sample"),
-    (("--sample", 3, "--seed", -1, "--vary", "offset.height"), "--seed"),
     (("--fulcrum-mm", 80, "--step-ms", 0), "usable step"), (("--fulcrum-mm", 80, "--workers", 0), "--workers"),
-    (("--fulcrum-mm", 80, "--seed", -1), "--seed"), (("--vary", "qqq=1,2"), "--list prints the names"),
+    (("--vary", "qqq=1,2"), "--list prints the names"),
     (("--sample", 3, "--vary", "fulcrum.shift", "--fulcrum-mm", "66,151"), "no room")])
 def test_what_cannot_be_swept_is_refused_before_anything_is_written(run, tmp_path, words, said):
     code, _, error = run("sweep", LOW, "--out", tmp_path / "sweep", *words)
     assert code == 2
     assert said in error and "Traceback" not in error
     assert not (tmp_path / "sweep").exists()
-
-
-def test_a_count_of_workers_is_refused_before_trials_are_read(run, tmp_path):
-    code, _, error = run("sweep", tmp_path / "none.yaml", "--out", tmp_path / "x", "--fulcrum-mm", 80, "--workers", 0)
-    assert code == 2 and "--workers" in error and "none.yaml" not in error
 
 
 def test_missing_and_doubled_trials_and_a_missing_folder_are_refused(run, tmp_path):
@@ -163,3 +172,82 @@ def test_who_ends_a_sweep_is_told_how_to_go_on_and_the_same_command_does(run, tm
     assert code == 0 and f"{kept} from the cache" in error
     assert run(*words[:3], tmp_path / "whole", *words[4:])[0] == 0
     assert (tmp_path / "sweep" / "sweep.csv").read_bytes() == (tmp_path / "whole" / "sweep.csv").read_bytes()
+
+
+def test_names_with_signs_of_formulas_or_of_their_own_twins_are_told_apart_by_file_and_a_lost_walk_by_its_reason(
+        run, tmp_path):
+    name, out = r"_a $\frac{ b_^ $ trial", tmp_path / "sweep"
+    twins = [copied(LOW, tmp_path / folder, name=name, prosthesis={"fulcrum_mm": mm})
+             for folder, mm in (("a", 66), ("b", 80))]
+    code, said, _ = run("sweep", *twins, "--out", out, "--vary", "fulcrum.shift=-0.01,0.02", "--workers", 1)
+    assert code == 0 and "4 walks, 1 failed" in said
+    found = rows(out)
+    assert [row["trial"] for row in found] == [f"{name} ({path})" for path in twins for _ in range(2)]
+    assert "out of the carriage's reach" in found[0]["failure"] and found[0]["grf_rmse_bw"] == ""
+    assert float(found[1]["grf_rmse_bw"]) > 0.0 and found[1]["failure"] == ""
+    svg = (out / "sweep.svg").read_text(encoding="utf-8")
+    assert name in svg and "1 FAILED" in svg and (out / "sweep.png").stat().st_size > 0
+
+
+def test_a_figure_that_cannot_be_written_costs_neither_tables_nor_summary(run, tmp_path, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError(errno.EFBIG, "File too large")
+
+    monkeypatch.setattr(outputs, "save_figure", full)
+    out = tmp_path / "sweep"
+    code, said, error = run("sweep", LOW, "--out", out, "--fulcrum-mm", 80, "--workers", 1)
+    assert code == 2 and "cannot be written (File too large)" in error and "sweep.png" in error
+    assert "1 walks, 0 failed" in said
+    assert {"sweep.csv", "sweep.json", "cache"} == {path.name for path in out.glob("[!.]*")}
+
+
+def test_doubts_about_a_walk_are_told_and_a_foot_in_the_air_is_never_the_best(run, tmp_path):
+    words = ("sweep", LOW, "--workers", 1, "--vary")
+    code, said, _ = run(*words, "offset.height=0,0.2", "--out", tmp_path / "a")
+    assert code == 0 and "notes on 1 of 2 walks" in said and "at best, at offset.height 0\n" in said
+    sound, doubtful = rows(tmp_path / "a")
+    assert sound["notes"] == "" and "0.00 body weights" in doubtful["notes"]
+    assert float(doubtful["peak_vertical_bw"]) == 0.0
+    table = read_json(tmp_path / "a" / "sweep.json")
+    assert table["with_notes"] == 1
+    assert [(item["row"], " | ".join(item["notes"])) for item in table["notes"]] == [(2, doubtful["notes"])]
+    code, said, _ = run(*words, "offset.height=0.2", "--out", tmp_path / "b")
+    assert code == 0 and "at best" not in said and "no walk has a stance" in said
+
+
+def test_a_sample_shifts_the_fulcrum_only_as_far_as_its_carriage_reaches(run, tmp_path):
+    words = ("--sample", 4, "--vary", "fulcrum.shift", "--fulcrum-mm", "80,120", "--step-ms", 2, "--workers", 1)
+    code, said, _ = run("sweep", LOW, "--out", tmp_path / "sweep", *words)
+    assert code == 0 and "8 walks, 0 failed" in said
+    bounds = read_json(tmp_path / "sweep" / "sweep.json")["plan"]["sample"]["bounds"]["fulcrum.shift"]
+    assert bounds == pytest.approx([0.066 - 0.080, 0.151 - 0.120])
+    _, said, _ = run("sweep", "--list", MEDIUM)  # at 108 mm
+    lines = {line.split()[0]: line.split()[1:] for line in said.splitlines() if line.strip()}
+    assert lines["friction.mu_static"] == ["1", "0.5", "0.1", "1.5"] and lines["offset.alignment"][0] == "rad"
+    assert lines["fulcrum.shift"][2:4] == ["-0.042", "0.043"]
+
+
+def test_a_folder_that_cannot_take_the_sweep_is_refused_and_left_alone(run, tmp_path):
+    file, other = tmp_path / "file", tmp_path / "other"
+    file.write_text("mine")
+    other.mkdir()
+    (tmp_path / "drawn" / "sweep.png").mkdir(parents=True)
+    (other / "sweep.json").write_text('{"rows": 3}')
+    for out, said in ((file, "is a file"), (file / "below", "file"), (other, "not the table of a sweep"),
+                      (tmp_path / "drawn", "cannot be written (it is a folder)"), (Path("/proc/sweep"), "cannot be")):
+        code, _, error = run("sweep", LOW, "--out", out, "--fulcrum-mm", 80, "--workers", 1)
+        assert code == 2 and said in error and "Traceback" not in error
+    assert file.read_text() == "mine"
+    assert [path.name for path in other.iterdir()] == ["sweep.json"]
+
+
+def test_a_folder_takes_a_larger_sweep_of_its_trials_but_none_of_others(run, tmp_path):
+    out, first = tmp_path / "sweep", copied(LOW, tmp_path / "a")
+    run("sweep", first, "--out", out, "--fulcrum-mm", "80,90", "--workers", 1)
+    code, _, error = run("sweep", first, "--out", out, "--fulcrum-mm", "80,90,100", "--workers", 1)
+    assert code == 0 and "2 from the cache" in error
+    code, _, error = run("sweep", MEDIUM, "--out", out, "--fulcrum-mm", "80", "--workers", 1)
+    assert code == 2 and "sweep of other trials" in error
+    assert len(rows(out)) == 3
+    code, _, error = run("sweep", copied(LOW, tmp_path / "b"), "--out", out, "--fulcrum-mm", "80", "--workers", 1)
+    assert code == 0 and "1 from the cache" in error, "the same by what it holds"

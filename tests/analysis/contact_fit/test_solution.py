@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
+from vsf_drake.analysis.contact_fit import ContactFit
 from vsf_drake.analysis.contact_fit.parameters import standard_parameters
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, JointEnd, solve
 from vsf_drake.analysis.contact_fit.solve import Search, run_searches, uncertainty
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.contact_file import load_contact, model_with, save_contact
-from vsf_drake.errors import FitError, InputError, SimulationError
+from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.walk import Walker, simulate_trial
@@ -97,13 +97,6 @@ def test_the_contact_file_says_whose_it_is_and_how_it_came(everything, soft):
     assert contact.provenance["seed"] == everything.fit.options.seed
 
 
-def test_what_a_fit_left_at_the_models_value_is_not_written(few_free):
-    fit = few_free("offset.height")
-    values = ended(fit, np.array([0.5])).walk_values
-    assert values["offset.height"] == pytest.approx(0.005)
-    assert not [name for name in values if name.startswith(("friction", "keel", "fulcrum", "socket", "coordinate"))]
-
-
 def test_reading_a_fit_that_failed_raises_what_went_wrong(few_free, soft):
     fit = few_free("offset.height")
     failed = ended(fit, np.zeros(1), success=False, message="the walk fell over")
@@ -126,22 +119,6 @@ def test_solve_ends_at_the_lowest_of_its_searches(few_free):
     assert end.uncertainty.names == ("contact.forefoot.force", "offset.height")
     assert found.wall_s > 0.0
     assert [s.cost for s in end.alike()] == [s.cost for s in searches if s.cost <= min(t.cost for t in searches) + 2.0]
-
-
-def test_noise_ratios_are_of_the_data(few_free, measured_bench):
-    found = ended(few_free("offset.height", bench=measured_bench), np.zeros(1))
-    ratios = {(term.trial, term.name): ratio for term, ratio in found.end.noise_ratios()}
-    assert set(ratios) == {*(("low_1", name) for name in ContactFitOptions().series), ("bench", "bench")}
-    for term in found.end.evaluation.terms[:-1]:
-        assert ratios[term.trial, term.name] == pytest.approx(np.sqrt(np.mean(np.square(term.residual))))
-
-
-def test_a_fit_of_too_few_walks_has_failed_and_says_so(few_free):
-    found = solve(few_free("offset.height", "offset.alignment", starts=1, iterations=2, step_s=4e-3))
-    assert not found.success
-    assert "no search converged" in found.message
-    with pytest.raises(FitError):
-        found.contact()
 
 
 def test_a_converged_search_is_preferred_to_a_lower_one_that_is_not(few_free, monkeypatch):
@@ -192,8 +169,3 @@ def test_without_a_trial_the_fit_is_searched_again_from_where_it_was(few_free, s
     assert fewer.fit.options == fit.options and fewer.fit.walker is fit.walker
     with pytest.raises(FitError, match="no trial is left"):
         found.refitted_without(["low_1", "high_1"])
-
-
-def test_resuming_with_another_problems_state_is_refused(few_free):
-    with pytest.raises(InputError, match="other trials, parameters or options"):
-        solve(few_free("offset.height", **SHORT), resume={"key": "another", "searches": []})

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from vsf_drake.analysis.contact_fit.options import FitNoise
+from vsf_drake.analysis.contact_fit.options import ContactFitOptions, FitNoise
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
 from vsf_drake.analysis.contact_fit.problem import Term
 from vsf_drake.analysis.contact_fit.solve import NORMAL_95, SURE_SHARE, uncertainty
+from vsf_drake.errors import InputError
 
 NOISE = FitNoise(correlation_s=0.05)
 TIMES = np.arange(0.0, 0.8, 0.01)
@@ -109,12 +110,6 @@ def test_the_priors_own_error_is_one_where_the_data_are_silent():
     assert direction.singular_value == 0.0 and part.name == "b" and abs(part.share) == pytest.approx(1.0)
 
 
-def test_independent_data_halve_the_error_with_four_times_as_many():
-    errors = [known(FitParameters([plain("a", prior=False)]), series(np.full((n, 1), 0.1), times=None, weight=1.0)
-                    ).share_of_prior[0] for n in (25, 100)]
-    assert errors == pytest.approx([2.0, 1.0])
-
-
 def test_what_neither_data_nor_prior_tell_has_no_finite_error():
     parameters = FitParameters([plain("a", prior=False), plain("b")])
     found = known(parameters, series(np.hstack([constant(0.0), constant(1.0)])), prior(2, [1]))
@@ -177,3 +172,31 @@ def test_what_ended_at_a_bound_is_named():
     assert found.at_bound == ("a", "c")
     assert found.interval[0, 0] == -4.0 and found.interval[2, 1] == 6.0
     assert known(parameters, prior(3), u=np.array([-1.9, 0.0, 2.9])).at_bound == ()
+
+
+# What is assumed of noise, and which series go together.
+
+
+def test_correlation_falls_by_e_in_its_time():
+    noise = FitNoise(correlation_s=0.04)
+    times = np.array([0.0, 0.04, 0.12, 0.04])
+    found = noise.correlation(times)
+    np.testing.assert_allclose(found[0], [1.0, math.exp(-1), math.exp(-3), math.exp(-1)])
+    np.testing.assert_allclose(found, found.T)
+    assert np.all(np.diag(found) == 1.0) and found[1, 3] == 1.0
+
+
+def test_samples_weigh_together_as_many_independent_ones_as_their_mean_tells():
+    """The variance of the mean of a long correlated series is 2 tau / T, that of N independent ones 1 / N."""
+    noise = FitNoise(correlation_s=0.05)
+    times = np.arange(0.0, 20.0, 0.004)
+    variance = noise.correlation(times).mean()
+    assert len(times) * noise.weight(0.004) ** 2 == pytest.approx(1.0 / variance, rel=0.01)
+    assert noise.weight(0.1) == noise.weight(3.0) == 1.0 and noise.weight(0.025) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("series", "match"), [
+    ((), "must name series"), (("vertical", "vertical"), "each once"), (("resultant", "vertical"), "same data twice")])
+def test_series_that_do_not_go_together_are_refused(series, match):
+    with pytest.raises(InputError, match=match):
+        ContactFitOptions(series=series)

@@ -1,8 +1,9 @@
-"""The joint fit as a problem: exact derivatives, one cost by any way, and what is no problem."""
+"""The joint fit as a problem: exact derivatives, one cost by any way, and which recordings make one fit."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
-from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters, standard_parameters
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.analysis.contact_fit.parameters import standard_parameters
+from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_of
+from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.simulation.walk import Walker
 
 CHEAP = ("offset.height", "contact.forefoot.force", "contact.damping_time", "trial.low_1.height")
@@ -97,16 +100,6 @@ def test_parameters_without_prior_are_held_by_the_data_alone(few_free, soft, fit
     assert without.evaluate(u).terms[-1].residual.tolist() == [0.4]
 
 
-def test_bench_residual_is_the_misfit_of_the_stiffness_over_its_uncertainty(both, measured_bench):
-    fit = both("contact.forefoot.force")
-    u = fit.parameters.start
-    stiffness = fit.bench_stiffness(u)
-    measured = np.array([*measured_bench.stiffness_n_per_m, measured_bench.heel_stiffness_n_per_m])
-    term = fit.evaluate(u).terms[-2]
-    np.testing.assert_allclose(term.residual, (stiffness - measured) / measured_bench.uncertainty_n_per_m)
-    assert term.times_s is None and term.weight == 1.0
-
-
 def test_the_program_has_the_fits_cost_gradient_bounds_and_start(both):
     fit = both()
     program = fit.program()
@@ -149,13 +142,6 @@ def test_trials_side_by_side_give_the_same_bits_as_one_after_the_other(both, sof
     np.testing.assert_array_equal(again.jacobian, together.jacobian)
 
 
-def test_derivatives_do_not_change_the_residuals(few_free):
-    u = np.array([0.1])
-    with_, without = (few_free("offset.height").evaluate(u, derivatives=derivatives) for derivatives in (True, False))
-    np.testing.assert_allclose(with_.residual, without.residual, rtol=1e-9, atol=1e-9)
-    assert without.jacobian.shape == (len(without.residual), 0)
-
-
 def test_a_point_is_walked_once(few_free):
     fit = few_free("offset.height")
     u = np.array([0.1])
@@ -171,27 +157,10 @@ def test_a_point_is_walked_once(few_free):
     assert fit.evaluate(u).residual is not fit.evaluate(u - 0.1).residual, "the caller's array may change"
 
 
-def test_a_walk_that_fails_is_told(few_free, monkeypatch):
-    fit = few_free("offset.height")
-
-    def broken(*_, **__):
-        raise SimulationError("broke", time_s=0.3)
-
-    monkeypatch.setattr(fit.walker, "walk", broken)
-    with pytest.raises(SimulationError, match="broke"):
-        fit.evaluate(np.zeros(1))
-
-
 def test_parameters_of_another_fits_trials_are_refused(fit_walker, soft):
     parameters = standard_parameters(fit_walker.variables, "right", ["low_1", "low_2"])
     with pytest.raises(InputError, match=r"trial.low_2.height belongs to no trial.*The trials are: low_1"):
         ContactFit([soft], parameters=parameters, walker=fit_walker)
-
-
-def test_unknown_parameters_are_refused_before_anything_is_walked(fit_walker, soft):
-    parameter = FitParameter(name="offset.hight", unit="m", start=0.0, low=-1.0, high=1.0, mean=0.0, scale=1.0)
-    with pytest.raises(InputError, match=r"offset.hight is no parameter of a contact fit"):
-        ContactFit([soft], parameters=FitParameters([parameter]), walker=fit_walker)
 
 
 def test_a_walker_of_somebody_else_is_refused(soft):
@@ -200,23 +169,92 @@ def test_a_walker_of_somebody_else_is_refused(soft):
         ContactFit([soft], walker=other)
 
 
-def test_without_a_bench_there_is_no_stiffness_to_tell(few_free):
-    fit = few_free("offset.height")
-    with pytest.raises(ValueError, match="no bench"):
-        fit.bench_stiffness(np.zeros(1))
-    assert "bench" not in [term.name for term in fit.evaluate(np.zeros(1)).terms]
+SERIES = ("vertical", "cop_fore_aft")
 
 
-def test_a_bench_beyond_the_carriage_is_refused(few_free, measured_bench):
-    far = replace(measured_bench, fulcrum_m=(0.066, 0.4), stiffness_n_per_m=(1e4, 3e4))
-    with pytest.raises(InputError):
-        few_free("offset.height", bench=far)
+def refused(trials, match, held_out=(), series=SERIES):
+    with pytest.raises(InputError, match=match) as caught:
+        check_recordings(trials, held_out, series=series)
+    return caught.value
 
 
-def test_fits_by_default_what_a_careful_experimenter_would(soft, fit_walker):
-    fit = ContactFit([soft], walker=fit_walker)
-    assert fit.labels == ("low_1",)
-    frozen = {item.name for item in fit.parameters.items if item.frozen}
-    assert {"friction.mu_static", "friction.mu_kinetic", "contact.heel.full_damping_depth",
-            "keel.flexural_modulus"} <= frozen
-    assert {"contact.damping_time", "coordinate.hip_flexion_r", "socket.tz.stiffness"} <= set(fit.parameters.names)
+def with_plate(trial, **fields):
+    return replace(trial, plates=trial.plates | {"right": replace(trial.prosthetic_plate, **fields)})
+
+
+def unloaded(trial, rows):
+    """The trial with a plate that saw nothing at `rows`."""
+    plate = trial.prosthetic_plate
+    return with_plate(trial, force_W=np.where(rows[:, None], 0.0, plate.force_W),
+                      cop_W=np.where(rows[:, None], np.nan, plate.cop_W))
+
+
+def test_a_held_out_trial_that_is_fitted_is_refused_whatever_its_name(soft, stiff):
+    """A copy under another name, path and fulcrum is the same recording."""
+    copy = replace(soft, path=Path("elsewhere/copy.yaml"), name="copy", fulcrum_m=0.1, notes=("copied",))
+    error = refused([soft, stiff], "fitted and held out", [copy])
+    assert error.file == copy.path and str(soft.path) in str(error)
+
+
+def test_the_same_recording_twice_is_refused(soft, stiff):
+    copy = replace(soft, path=Path("copy.yaml"))
+    refused([soft, stiff, copy], "is the same recording as .*low_1.yaml. Give it once")
+    refused([soft], "Give it once", [stiff, replace(stiff, path=Path("copy.yaml"))])
+
+
+@pytest.mark.parametrize("out", [False, True])
+def test_another_person_is_refused_by_what_differs(soft, stiff, out):
+    heavier = replace(stiff, subject=replace(stiff.subject, mass_kg=91.0))
+    trials, held = ([soft], [heavier]) if out else ([soft, heavier], [])
+    error = refused(trials, f"another subject than .*mass_kg 91.0 and {soft.subject.mass_kg}", held)
+    assert error.where == "subject" and error.file == stiff.path
+
+
+@pytest.mark.parametrize("cut", ["start", "end"])
+def test_a_window_that_cuts_a_stance_is_refused(soft, stiff, cut):
+    middle = {"start_s": 0.6} if cut == "start" else {"end_s": 0.9}
+    error = refused([stiff, replace(soft, **middle)], "saw only part of the stance at 0.42 to 1.12 s")
+    assert error.where == "window" and error.file == soft.path
+    refused([stiff], "saw only part", [replace(soft, **middle)])
+
+
+def test_a_plate_that_begins_or_ends_under_load_is_refused(soft):
+    plate = soft.prosthetic_plate
+    for rows in (plate.time_s > 0.8, plate.time_s < 0.8):
+        cut = PlateRecording(*(getattr(plate, name)[rows] for name in ("time_s", "force_W", "cop_W", "free_moment_nm")),
+                             plate.has_cop)
+        refused([replace(soft, plates=soft.plates | {"right": cut})], "saw only part of the stance")
+
+
+def test_a_plate_that_was_stepped_on_outside_of_the_window_only_is_refused(soft):
+    refused([replace(soft, start_s=0.0, end_s=0.3)], "no stance of the prosthetic foot in the trial's window")
+    refused([unloaded(soft, np.ones(len(soft.prosthetic_plate.time_s), dtype=bool))], "saw no stance")
+
+
+def test_a_trial_without_centre_of_pressure_is_refused_where_it_is_compared(soft, stiff):
+    blind = with_plate(stiff, has_cop=False, cop_W=np.full_like(stiff.prosthetic_plate.cop_W, np.nan))
+    error = refused([soft, blind], "no centre of pressure, which is to be compared")
+    assert error.file == stiff.path
+    refused([soft], "no centre of pressure", [blind])
+    check_recordings([soft, blind], series=("vertical",))
+
+
+def test_trials_of_another_side_model_or_fit_are_refused(soft, stiff, fit_walker):
+    foot = replace(stiff.model.foot, mass_kg=1.1 * stiff.model.foot.mass_kg)
+    for other, match in (
+            (replace(stiff, subject=replace(stiff.subject, prosthetic_side="left")),
+             "prosthesis is on the left, that of .*low_1.yaml on the right"),
+            (replace(stiff, model=replace(stiff.model, foot=foot)), "another model than .*low_1.yaml"),
+            (replace(stiff, notes=("A fitted contact was applied from contact.yaml.",)), "a fitted contact already")):
+        refused([soft, other], match)
+        refused([soft], match, [other])
+        with pytest.raises(InputError, match=match):
+            ContactFit([soft, other], walker=fit_walker)
+    refused([], "no trial to fit", [stiff])
+    refused(soft, "no list of trials")
+
+
+def test_labels_are_file_names_with_as_many_folders_as_tell_them_apart(soft):
+    names = ("a/low.yaml", "b/monday/soft/walk.yaml", "b/tuesday/soft/walk.yaml", "b/tuesday/soft/run.yaml")
+    assert labels_of([replace(soft, path=Path(name)) for name in names]) == (
+        "low", "monday/soft/walk", "tuesday/soft/walk", "run")

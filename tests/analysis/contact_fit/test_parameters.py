@@ -1,9 +1,14 @@
-"""From parameters of a fit to variables of a walk: what each means, and exact derivatives."""
+"""Parameters of a fit: bounds, priors, the coordinates of the search, and the variables of a walk with derivatives."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from vsf_drake.analysis.contact_fit.parameters import (
     ANGLES,
@@ -13,12 +18,110 @@ from vsf_drake.analysis.contact_fit.parameters import (
     FitParameter,
     FitParameters,
     TrialMap,
-    curve_coefficients,
     standard_parameters,
 )
 from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import gait_phase
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
+
+PLAIN = FitParameter(name="offset.height", unit="m", start=0.002, low=-0.04, high=0.03, mean=0.001, scale=0.01)
+LOG = FitParameter(name="contact.heel.force", unit="N", start=150.0, low=25.0, high=1600.0, mean=200.0, scale=0.5,
+                   logarithmic=True)
+FROZEN = replace(PLAIN, name="friction.mu_static", frozen=True, start=0.02)
+EVERY = FitParameters([PLAIN, FROZEN, LOG])
+
+
+@st.composite
+def drawn(draw):
+    """Any parameter, and a value within its bounds."""
+    logarithmic = draw(st.booleans())
+    low = draw(st.floats(1e-6, 1e3) if logarithmic else st.floats(-1e3, 1e3))
+    high = low + draw(st.floats(1e-6, 1e3))
+    assume(high > low * (1 + 1e-12))
+    inside = st.floats(low, high)
+    return FitParameter(name="a", unit="m", low=low, high=high, start=draw(inside), mean=draw(inside),
+                        scale=draw(st.floats(1e-3, 1e3)), logarithmic=logarithmic), draw(inside)
+
+
+@given(drawn())
+def test_search_coordinate_and_value_are_each_others_inverse(case):
+    item, value = case
+    assert item.from_u(item.to_u(value)) == pytest.approx(value, rel=1e-9, abs=1e-9 * item.scale)
+    assert item.to_u(item.mean) == 0.0
+
+
+@given(drawn(), st.floats(-1e3, 1e3))
+def test_any_search_coordinate_stands_for_a_value_within_the_bounds(case, u):
+    item, _ = case
+    assume(not item.logarithmic or abs(u) * item.scale < 700.0)
+    assert item.low <= item.from_u(u) <= item.high
+
+
+@pytest.mark.parametrize("item", [PLAIN, LOG], ids=lambda item: item.name)
+def test_a_step_of_one_is_a_standard_deviation_of_the_prior(item):
+    one = item.from_u(1.0)
+    assert (math.log(one / item.mean) if item.logarithmic else one - item.mean) == pytest.approx(item.scale)
+    for u in (-0.7, 0.0, 0.4):
+        slope = (item.from_u(u + 1e-5) - item.from_u(u - 1e-5)) / 2e-5
+        assert item.slope(item.from_u(u)) == pytest.approx(slope, rel=1e-8)
+
+
+@pytest.mark.parametrize(("changes", "match"), [
+    ({"low": 0.03, "high": 0.03}, "bounds cross"), ({"mean": -1.0}, "mean, -1 m, lies"),
+    ({"start": 0.05}, "start, 0.05 m, lies outside its bounds -0.04 to 0.03"), ({"scale": 0.0}, "scale is 0"),
+    ({"start": math.nan}, "start is nan"), ({"low": True}, "low is True"), ({"mean": "0"}, "mean is '0'"),
+    ({"logarithmic": True}, "lower bound is -0.04")])
+def test_what_makes_no_parameter_is_refused_by_name(changes, match):
+    with pytest.raises(InputError, match=match) as caught:
+        replace(PLAIN, **changes)
+    assert caught.value.where == "parameter offset.height"
+
+
+def test_a_set_holds_each_name_once_and_something_free():
+    with pytest.raises(InputError, match=r"offset.height stands twice"):
+        FitParameters([PLAIN, LOG, replace(PLAIN, start=0.0)])
+    for nothing_free in ([], [FROZEN]):
+        with pytest.raises(InputError, match="all parameters are frozen"):
+            FitParameters(nothing_free)
+    with pytest.raises(InputError, match="all parameters are frozen"):
+        EVERY.changed([PLAIN.name, LOG.name], frozen=True)
+
+
+def test_frozen_parameters_stay_at_their_start_and_have_no_coordinate():
+    assert EVERY.names == (PLAIN.name, LOG.name)
+    assert len(EVERY) == 2
+    u = np.array([0.3, -0.2])
+    values = EVERY.values(u)
+    assert values == {PLAIN.name: pytest.approx(0.004), FROZEN.name: FROZEN.start,
+                      LOG.name: pytest.approx(200.0 * math.exp(-0.1))}
+    np.testing.assert_allclose(EVERY.u(values), u)
+    np.testing.assert_allclose(EVERY.slopes(u), [0.01, 0.5 * values[LOG.name]])
+    assert EVERY.values(EVERY.start)[LOG.name] == pytest.approx(LOG.start)
+
+
+def test_bounds_in_search_coordinates_are_those_of_the_values():
+    low, high = EVERY.bounds
+    np.testing.assert_allclose(low, [-4.1, math.log(25 / 200) / 0.5])
+    np.testing.assert_allclose(high, [2.9, math.log(1600 / 200) / 0.5])
+    for corner, field in ((low, "low"), (high, "high")):
+        values = EVERY.values(corner)
+        assert [values[item.name] for item in EVERY.free] == pytest.approx([getattr(i, field) for i in EVERY.free])
+    np.testing.assert_allclose(EVERY.u({PLAIN.name: 1.0, LOG.name: 1.0}), [high[0], low[1]], err_msg="moved to them")
+    with pytest.raises(ValueError, match="2 free parameters"):
+        EVERY.values(np.zeros(3))
+
+
+def test_changes_reach_the_named_parameters_and_no_others():
+    changed = EVERY.changed([FROZEN.name, LOG.name], frozen=False, prior=False)
+    assert [item.name for item in changed.items] == [item.name for item in EVERY.items]
+    assert changed.by_name[PLAIN.name] is PLAIN
+    assert changed.by_name[LOG.name] == replace(LOG, prior=False)
+    assert changed.names == (PLAIN.name, FROZEN.name, LOG.name)
+    assert [item.prior for item in changed.free] == [True, False, False]
+    assert EVERY.by_name[FROZEN.name].frozen, "the set itself stays as it was"
+    with pytest.raises(InputError, match=r"no parameter 'offset.hight'.*offset.height"):
+        EVERY.changed(["offset.hight"], frozen=True)
+
 
 ZONES = ("heel_posterior", "heel", "heel_anterior", "midfoot", "forefoot")
 LABELS = ("soft", "stiff", "third")
@@ -61,13 +164,6 @@ def test_derivatives_of_every_parameter_are_those_of_differences(variables, soft
             assert exact == pytest.approx(wanted, rel=1e-7, abs=1e-9 * size), (name, variable)
 
 
-def test_names_are_all_variables_of_the_walk_or_courses(variables, soft):
-    walk = TrialMap(everything(variables), variables, "soft", soft)
-    courses = {f"course.{course.name}" for course in walk.courses}
-    assert set(walk.at(somewhere(walk.parameters)).values) <= set(variables) | courses
-    assert len(courses) == len(ANGLES) * CURVE_COEFFICIENTS + 2 * PATH_COEFFICIENTS
-
-
 def test_the_start_is_the_models_own_foot_but_for_exponents_that_may_fall(variables):
     """Where the model's law is linear, the start has its force at the depth that counts and exponent 1.2."""
     parameters = standard_parameters(variables, "right", ["soft"])
@@ -94,16 +190,6 @@ def test_law_has_its_force_and_its_damping_at_the_reference_depth(variables, dam
         own = f"contact.{zone}.damping_time" if damping_by_zone else "contact.damping_time"
         assert b == pytest.approx(values[own] * slope)
         assert walk[f"contact.{zone}.rise"] == values[f"contact.{zone}.rise"]
-
-
-def test_damping_of_one_zone_is_its_own(variables):
-    parameters = everything(variables, damping_by_zone=True)
-    walk = TrialMap(parameters, variables, None, None)
-    before = walk.at(parameters.start).values
-    u = parameters.start
-    u[parameters.names.index("contact.heel.damping_time")] += 1.0
-    changed = {name for name, value in walk.at(u).values.items() if value != before[name]}
-    assert changed == {"contact.heel.damping"}
 
 
 def test_heights_of_trials_are_deviations_from_their_mean(variables, soft):
@@ -164,46 +250,24 @@ def test_the_left_side_has_the_left_angles(variables):
     assert angles == {f"{angle}_l" for angle in ANGLES}
 
 
-@pytest.mark.parametrize("name", [
-    "offset.hight", "contact.toe.force", "contact.heel.colour", "coordinate.knee_angle", "socket.tz", "course.a", "",
-    "keel.length", "Contact.heel.force"])
-def test_unknown_names_are_refused(variables, soft, name):
-    with pytest.raises(InputError, match=f"{name} is no parameter of a contact fit"):
-        TrialMap(FitParameters([one(name)]), variables, "soft", soft)
-
-
-def test_a_law_without_damping_is_refused(variables, soft):
-    with pytest.raises(InputError, match="law of zone heel is told by half"):
-        TrialMap(FitParameters([one("contact.heel.force"), one("contact.heel.exponent")]), variables, "soft", soft)
-
-
-@pytest.mark.parametrize("indices", [(0, 1, 2, 4), (1, 2, 3, 4), (0, 1, 1, 2), (0, 1, 2, -1)])
-def test_curves_with_missing_coefficients_are_refused(indices):
-    names = [f"curve.knee_angle_r.{i}" for i in indices]
-    with pytest.raises(InputError, match=r"not 0, 1, 2 \.\.\."):
-        curve_coefficients(names)
-    assert curve_coefficients([f"curve.knee_angle_r.{i}" for i in (2, 0, 3, 1)]) == 4
-
-
-def test_curves_of_different_lengths_are_refused():
-    names = [f"curve.{angle}.{i}" for angle, count in (("a", 4), ("b", 5)) for i in range(count)]
-    with pytest.raises(InputError, match="up to the same number"):
-        curve_coefficients(names)
-
-
-@pytest.mark.parametrize("names", [
-    ["contact"], ["contact.damping_time"], ["curve.knee_angle_r"], ["curve.knee_angle_r.0"], ["curve.knee_angle_r.x"],
-    ["trial.soft.colour"], ["trial.soft.path.pelvis_tx"], ["trial.soft.path.pelvis_tx.99"],
-    ["contact.heel.force", "contact.heel.exponent", "contact.damping_time", "contact.heel.stiffness"]])
-def test_names_in_the_wrong_form_are_refused(variables, soft, names):
-    parameters = FitParameters(one(name) for name in names)
-    with pytest.raises(InputError):
-        walk = TrialMap(parameters, variables, "soft", soft)
-        walk.at(parameters.start)
-        [course.shape(np.linspace(0.0, 1.0, 9)) for course in walk.courses]
-
-
 def test_paths_of_a_trial_whose_name_goes_on_are_not_taken(variables, soft):
     parameters = standard_parameters(variables, "right", ["walk", "walk.2"], paths=True)
     walk = TrialMap(parameters, variables, "walk", soft)
     assert not [course.name for course in walk.courses if "2." in course.name]
+
+
+HEEL = ("contact.heel.force", "contact.heel.exponent")
+
+
+@pytest.mark.parametrize(("names", "match"), [
+    (["offset.hight"], "offset.hight is no parameter of a contact fit"), (["contact.toe.force"], "is no parameter"),
+    (["coordinate.knee_angle"], "is no parameter"), (["course.a"], "is no parameter"),
+    (["contact.damping_time"], "has no law"), (HEEL, "law of zone heel is told by half"),
+    ((*HEEL, "contact.damping_time", "contact.heel.stiffness"), "set the same"),
+    (["trial.soft.colour"], "is no parameter"), (["trial.soft.path.pelvis_tx.99"], "beyond the 6 coefficients"),
+    (["curve.knee_angle_r.x"], "not 0, 1, 2"), ([f"curve.knee_angle_r.{i}" for i in (0, 1, 2, 4)], "not 0, 1, 2"),
+    ([f"curve.knee_angle_r.{i}" for i in (0, 1, 1, 2)], "stands twice"), (["curve.knee_angle_r.0"], "no periodic"),
+    ([f"curve.{angle}.{i}" for angle, count in (("a", 4), ("b", 5)) for i in range(count)], "same number")])
+def test_names_that_stand_for_nothing_are_refused(variables, soft, names, match):
+    with pytest.raises(InputError, match=match):
+        TrialMap(FitParameters(one(name) for name in names), variables, "soft", soft)
