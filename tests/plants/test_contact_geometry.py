@@ -181,16 +181,6 @@ def test_bent_keel_does_not_collide_with_itself(contact, request):
     assert counts == (0, 0)
 
 
-def test_why_drakes_contact_has_no_gradients_is_said_by_drake(point):
-    """Drake 1.51 keeps a material's numbers as float and asks for them as AutoDiffXd."""
-    point.place((0.0, 0.0, -0.003))
-    autodiff = point.diagram.ToAutoDiffXd()
-    context = autodiff.CreateDefaultContext()
-    context.SetTimeStateAndParametersFrom(point.context)
-    with pytest.raises(RuntimeError, match=r"hunt_crossley_dissipation.*is of a different type"):
-        autodiff.EvalTimeDerivatives(context)
-
-
 @pytest.mark.parametrize(("contact", "time_step"), [("drake_point", 0.0), ("hydroelastic", 1e-3)])
 def test_diagram_with_drakes_contact_is_freed_when_nobody_holds_it(contact, time_step):
     """The plant meets its SceneGraph by hand, for AddMultibodyPlantSceneGraph keeps both alive (Drake 1.51)."""

@@ -34,7 +34,6 @@ from vsf_drake.plants import (
     to_symbolic,
     wire_foot,
 )
-from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot import mount_pose, sole_height
 from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.systems import GaitDriver, KeelElasticity
@@ -349,16 +348,6 @@ def test_two_hundred_builds_leave_nothing_behind():
             collect()
     assert not [ref for ref in seen if ref() is not None]
     assert psutil.Process().memory_info().rss / 1e6 - before < 3.0
-
-
-@pytest.mark.usefixtures("_quick_collection")
-def test_bench_is_freed_with_its_last_reference():
-    bench = make_bench(PARAMETERS)
-    bench.diagram.CreateDefaultContext()
-    seen = [weakref.ref(x) for x in (bench.diagram, bench.plant, bench.machine, bench.forces)]
-    del bench
-    collect()
-    assert [ref() for ref in seen] == [None] * 4
 
 
 def standing(contact: str, time_step_s: float):

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pydrake.geometry import Role, SceneGraph, Sphere
-from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
+from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
@@ -99,25 +98,6 @@ def registered_plant():
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     return plant, scene_graph
-
-
-def test_two_feet_are_drawn_each_on_its_own_bodies():
-    plant, scene_graph = registered_plant()
-    beside = plant.AddFrame(FixedOffsetFrame("beside", plant.world_frame(), RigidTransform([0.0, 0.3, 0.0])))
-    feet = [add_foot(plant, frame, FootParameters(), name=name)
-            for frame, name in ((plant.world_frame(), "one"), (beside, "two"))]
-    for foot in feet:
-        add_foot_visuals(plant, foot)
-    plant.Finalize()
-    inspector = scene_graph.model_inspector()
-    drawn = [plant.GetBodyFromFrameId(inspector.GetFrameId(g)) for g in inspector.GetAllGeometryIds(Role.kIllustration)]
-    for foot in feet:
-        carriage = plant.GetJointByName(foot.carriage_joint_name, foot.instance).child_body()
-        own = [body.index() for body in drawn if body.model_instance() == foot.instance]
-        assert set(own) == {body.index() for body in (foot.frame, *foot.keel, carriage)}
-        # frame and pieces one each, carriage and roller, the spheres of the model
-        assert len(own) == 1 + len(foot.keel) + 2 + len(foot.sites.radius)
-    assert inspector.NumGeometriesWithRole(Role.kProximity) == 0
 
 
 def test_plants_that_take_no_shapes_and_feet_that_have_them_are_refused_with_the_remedy():

@@ -172,8 +172,7 @@ def add_rigid_foot(
 
 def _add_forces(
     builder: DiagramBuilder, plant: MultibodyPlant, foot: FootHandles, law: str | None,
-    constants: dict[str, Constant], *,
-    name: str = "forces", acts: bool = True, grip: np.ndarray | None = None
+    constants: dict[str, Constant], *, name: str = "forces", acts: bool = True, grip: np.ndarray | None = None
 ) -> FootForces:
     *keel, slide = [plant.GetJointByName(joint, foot.instance)
                     for joint in (*foot.keel_joint_names, foot.carriage_joint_name)]

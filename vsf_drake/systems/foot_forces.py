@@ -97,8 +97,9 @@ class FootForces(System):
     `laws.smooth_contact`, threshold_velocity (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x,
     ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see `vsf_drake.ground`.
 
-    When evaluated, InputError says that the fulcrum's position is not a number, or in mm, that the load on a keel body
-    is beyond its grip_limit, or a constant out of bounds.
+    Raises:
+        InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a keel body is
+            beyond its grip_limit; a constant is out of bounds.
     """
 
     def __init__(
