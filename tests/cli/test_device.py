@@ -138,11 +138,10 @@ def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path,
     assert not (out / "replay.html").exists()
 
 
-def test_bench_does_not_mix_with_a_walk_in_one_folder(run, tmp_path, trial_files):
+def test_export_does_not_mix_with_a_bench_in_one_folder(run, tmp_path):
     assert run("bench", "--out", tmp_path / "out", "--no-heel", "--fulcrum-mm", "151")[0] == 0
-    code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out")
-    assert code == 2
-    assert "holds the result of a bench" in err
+    code, _, err = run("export", "--out", tmp_path / "out")
+    assert code == 2 and "holds the result of a bench" in err
 
 
 REPORTED = {"offsets": {"height_m": 0.0, "fore_aft_m": 0.0, "alignment_rad": 0.0}, "offset_fit": None, "doubts": [],

@@ -111,22 +111,6 @@ def test_a_wide_table_scrolls_by_itself_and_the_page_does_not(page, tmp_path, wi
     assert seen.requests == []
 
 
-@pytest.mark.slow
-@needs_browser
-def test_the_browser_would_notice_overflow_messages_requests_and_missing_images(tmp_path):
-    file = tmp_path / "report.html"
-    file.write_text('<!doctype html><html><body><div style="width:2000px">wide</div><img src="nowhere.png" alt="">'
-                    '<script src="http://nowhere.invalid/x.js"></script><script>console.error("seen")</script>'
-                    "</body></html>", encoding="utf-8")
-    (tmp_path / "work").mkdir()
-    seen = look(file, tmp_path / "work", width=390)
-    assert seen.scroll > seen.width
-    assert seen.out
-    assert (seen.broken, seen.unnamed) == (1, 1)
-    assert any("seen" in line for line in seen.console)
-    assert seen.requests == ["http://nowhere.invalid/x.js"]
-
-
 def test_on_paper_a_table_of_many_columns_is_set_smaller(page):
     text = page(TABLE + '{% call table("narrow", rows, columns[:2]) %}Two.{% endcall %}')
     sizes = [float(part.partition("pt")[0]) for part in text.split("--print:")[1:]]
