@@ -135,7 +135,6 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
     thigh = subject.thigh_length_m or scale * table.thigh_length
     shank = subject.shank_length_m or scale * table.shank_length
     ankle = subject.ankle_height_m or ANKLE_HEIGHT_RATIO * subject.stature_m
-    leg = (0.009 + thigh + shank) / (1 - 0.078)
     residual = socket.residual_length_ratio * shank
     prosthesis_length = subject.prosthesis_length_m or shank + ankle
     placement = foot_placement(subject)
@@ -145,6 +144,7 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
             f"shank {residual:.3f} m and foot {foot_height:.3f} m leaves {pylon:.3f} m", "subject",
             f"It takes {LEAST_PYLON_M:g} m. Lower socket.residual_length_ratio of the model, or correct "
             f"{'shank_length_m' if subject.prosthesis_length_m is None else 'prosthesis_length_m'}")
+
     mass = subject.mass_kg
     shank_mass = mass * table.shank_mass
     prosthesis = foot.mass_kg + socket.socket_mass_kg + socket.pylon_mass_kg
@@ -152,6 +152,9 @@ def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters)
     limbs = mass * (2 * table.thigh_mass + table.foot_mass) + shank_mass + residual_mass + prosthesis
     require(limbs <= 0.75 * mass, f"legs and prosthesis weigh {limbs:.1f} kg of {mass:.1f} kg", "subject.mass_kg",
             "Check the masses of foot, socket and pylon")
+
+    # Hara's leg length goes from the spine to the malleolus: LL = 9 mm + 0.078 LL above the hip, thigh and shank below
+    leg = (0.009 + thigh + shank) / (1 - 0.078)
     hara = {"hip_forward": 0.011 - 0.063 * leg, "hip_up": -0.009 - 0.078 * leg, "hip_lateral": 0.008 + 0.086 * leg}
     measured = {name: getattr(subject, f"{name}_m") for name in hara}
     hip = {name: value if measured[name] is None else measured[name] for name, value in hara.items()}

@@ -85,6 +85,8 @@ class FulcrumSupport(System):
         keel = int(np.searchsorted(self._starts, at, side="right")) - 1
         keel = min(max(keel, 0), len(self._starts) - 1)
         body = self._keel[keel]
+
+        # w = z_K . (p_FP - p_FK), the height of P in K; w' = z_K . v_FP with v_FP = v_WB + w_WB x p_BP less that of F
         X_WB, X_WF = poses[body].GetAsMatrix34(), poses[self._frame].GetAsMatrix34()
         V_WB, V_WF = velocities[body].get_coeffs(), velocities[self._frame].get_coeffs()
         p_BoP_W = X_WB[:, 0] * (position - self._starts[keel])
@@ -92,6 +94,8 @@ class FulcrumSupport(System):
         z_K_W = X_WF[:, :3] @ self._X_FK[:, 2]
         height = z_K_W @ (p_FoP_W - X_WF[:, :3] @ self._X_FK[:, 3])
         v_FP_W = V_WB[3:] - V_WF[3:] + cross(V_WB[:3], p_BoP_W) - cross(V_WF[:3], p_FoP_W)
+
+        # The keel feels f z_K at P and F the opposite at the same point, each shifted to its body's origin
         force = -(constants["stiffness"] * height + constants["damping"] * (z_K_W @ v_FP_W))
         f_P_W = force * z_K_W
         F_B_W = np.concatenate((cross(p_BoP_W, f_P_W), f_P_W))
@@ -275,10 +279,10 @@ class FulcrumActuator(System):
         """Current (A), and the rates of the state: m/s, m/s^2, W taken, W of the screw on the carriage, W lost."""
         c = self._constants(context)
         x, v = _state(context)[:2]
+
+        # The driver's voltage, by the servo on the error; the current follows from the rotor's speed
         turns = 2.0 * math.pi / c["screw_lead_m"]  # screw angle per metre
         speed = c["gear_ratio"] * turns * v
-        tangent, friction = law.thread(*(c[name] for name in THREAD))
-        sense = law.direction(v, c["creep_speed_m_per_s"])
         limit = law.limited_voltage(
             c["supply_voltage_v"], c["speed_limit_m_per_s"], lead=c["screw_lead_m"], gear_ratio=c["gear_ratio"],
             torque_constant=c["torque_constant_n_m_per_a"])
@@ -286,6 +290,10 @@ class FulcrumActuator(System):
             self._position_error(context)[0], limit=limit, band=c["servo_band_m"], tolerance=c["tolerance_m"])
         current = law.motor_current(voltage, speed, torque_constant=c["torque_constant_n_m_per_a"],
                                     resistance=c["winding_resistance_ohm"])
+
+        # Screw and carriage together, everything as force and mass at the carriage
+        tangent, friction = law.thread(*(c[name] for name in THREAD))
+        sense = law.direction(v, c["creep_speed_m_per_s"])
         torque = c["torque_constant_n_m_per_a"] * current - c["motor_friction_n_m"] * sense
         stop = law.stop_force(x, v, low=c["rearmost"], high=c["foremost"], stiffness=c["stop_stiffness_n_per_m"],
                               dissipation=c["stop_dissipation_s_per_m"])
@@ -296,6 +304,8 @@ class FulcrumActuator(System):
             torque * c["gear_ratio"] * turns, drag * sense - stop - axial, sense,
             rotor_mass=inertia * turns * turns, carriage_mass=c["carriage_mass"], tangent=tangent,
             friction=friction)
+
+        # V i = i^2 R + k i w; what the driver takes is max(V i, 0), and what it burns of V i < 0 is lost
         power = voltage * current
         taken = power if power > 0.0 else 0.0 * power
         losses = (current * current * c["winding_resistance_ohm"] + c["motor_friction_n_m"] * sense * speed
