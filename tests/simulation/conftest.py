@@ -56,8 +56,17 @@ def _sole_height(walker: Walker, columns: dict[str, float]) -> float:
 
 
 @cache
-def _right_motion() -> CoordinateTrajectory:
-    """The sole sinks some centimetres below where it would just touch: heel, roll over, toe, and off."""
+def _motion(side: str) -> CoordinateTrajectory:
+    """The sole sinks some centimetres below where it would just touch: heel, roll over, toe, and off.
+
+    The left one is the same seen in a mirror: sides change names, lateral coordinates of the pelvis their sign.
+    """
+    if side == "left":
+        right, other = _motion("right"), {"_r": "_l", "_l": "_r"}
+        flipped = ("pelvis_tz", "pelvis_list", "pelvis_rotation")
+        values = right.values * np.array([-1.0 if name in flipped else 1.0 for name in right.names])
+        return CoordinateTrajectory(right.time_s, values, [
+            name if name.startswith("pelvis") else name[:-2] + other[name[-2:]] for name in right.names])
     walker = _walker("right")
     time = np.arange(0.0, END_S + 0.005, 0.01)
     s = (time - TOUCH_S) / STANCE_S
@@ -71,23 +80,8 @@ def _right_motion() -> CoordinateTrajectory:
 
 
 @cache
-def _left_motion() -> CoordinateTrajectory:
-    """The same seen in a mirror: sides change names, lateral coordinates of the pelvis their sign."""
-    right = _right_motion()
-    other = {"_r": "_l", "_l": "_r"}
-    source = {name: name if name.startswith("pelvis") else name[:-2] + other[name[-2:]] for name in right.names}
-    flipped = ("pelvis_tz", "pelvis_list", "pelvis_rotation")
-    values = right.values * np.array([-1.0 if name in flipped else 1.0 for name in right.names])
-    return CoordinateTrajectory(right.time_s, values, [source[name] for name in right.names])
-
-
-@cache
 def _stance(side: str, step_s: float) -> Walk:
     return _walker(side).walk(_motion(side), fulcrum_m=FULCRUM_M, start_s=0.0, end_s=END_S, step_s=step_s)
-
-
-def _motion(side: str) -> CoordinateTrajectory:
-    return _right_motion() if side == "right" else _left_motion()
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.foot import set_mount
+from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import (
     DESIGN,
@@ -34,6 +35,7 @@ from vsf_drake.simulation.sagittal.model import (
     positive_part_integral,
     spring_forces,
 )
+from vsf_drake.simulation.sagittal.planar_dynamics import planar_tree
 from vsf_drake.simulation.walk import Walker
 
 OFFSETS = GeometricOffsets(height_m=0.004, fore_aft_m=-0.006, alignment_rad=0.03)
@@ -180,6 +182,9 @@ def test_prosthesis_turned_out_of_the_plane_is_refused(walker):
     subject = replace(walker("right").subject, prosthesis_toe_out_rad=0.1)
     with pytest.raises(InputError, match=r"turned out of the sagittal plane by 5\.7 deg"):
         SagittalModel(Walker(subject, ModelParameters()))
+    mechanism = gait_mechanism(walker("right").gait, walker("right").context)
+    with pytest.raises(InputError, match="no coordinate third_knee"):
+        planar_tree(mechanism.tree, ("pelvis_tx", "third_knee"))
 
 
 def test_what_a_person_at_rest_lacks_is_weight_less_ground(person):

@@ -90,8 +90,8 @@ def step(
         v[c] = (q_next[k] - q[c]) / h
         room.acceleration[c] = (v[c] - room.v0[c]) / h
 
-    # bias = C(q0, v0) v0 - tau_g + M a with that a, and M = L L^T over the free coordinates. What is left of the
-    # equations of these is   r(v) = M (v - v0) + h (bias - tau(v)) = 0,   by inverse dynamics if M is not given.
+    # bias = C(q0, v0) v0 - tau_g + M a with that a, by inverse dynamics if M and C are not given, and M = L L^T over
+    # the free coordinates. Their equations are then   r(v) = M (v - v0) + h (bias - tau(v)) = 0.
     given = M.shape[0] > 0
     if given:
         for i in range(q.shape[0]):
@@ -136,7 +136,8 @@ def step(
         if converged:
             break
 
-        # The next direction: with the friction curve as it is where that descends, else with its falling branch flat.
+        # The next direction: from EXACT_FROM on with the friction curve as it is if that descends, dx . r < 0, else
+        # with its falling branch flat.
         slope0 = 0.0
         for least_slope in (EXACT, FLAT):
             if least_slope == EXACT and iterations < EXACT_FROM:
