@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 from collocation_problems import (
-    chain,
     free_spring_mass,
     oscillator,
     pendulum,
@@ -127,13 +126,3 @@ def test_an_advancing_period_and_another_duration_are_carried():
     assert resampled(solution, new).z == pytest.approx(motion(new), rel=1e-3, abs=2e-3)
     with pytest.raises(InputError, match="periodic"):
         resampled(solution, Grid("hermite_simpson", 20, 2.0, periodic=False))
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("method", "intervals"), [("hermite_simpson", 40), ("trapezoidal", 80)])
-def test_time_of_an_iteration_at_the_size_of_a_stride(method, intervals, capsys):
-    problem, start = chain(method, intervals)
-    solution = solve(problem, start)
-    with capsys.disabled():
-        print(f"\n{method}: {problem.size} variables, {solution.iterations} iterations, "
-              f"{solution.wall_s / max(solution.iterations, 1):.3f} s each, {solution.history[-1].active} active")
-    assert solution.status == "optimal", solution.message

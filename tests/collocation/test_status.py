@@ -35,7 +35,7 @@ def zero(problem):
 
 @pytest.mark.parametrize("as_limit", [False, True], ids=["bound", "limit"])
 def test_a_push_too_weak_for_the_way_is_infeasible_and_sealed(as_limit):
-    """Rest to rest over 1 m in 1 s takes at least 4 m/s^2."""
+    """Rest to rest over 1 m in 1 s takes at least 4 m/s^2; SNOPT says so too."""
     problem, _ = rest_to_rest(3.5, as_limit=as_limit, intervals=20)
     solution = solve(problem, zero(problem))
     assert solution.status == "infeasible"
@@ -44,10 +44,7 @@ def test_a_push_too_weak_for_the_way_is_infeasible_and_sealed(as_limit):
         with pytest.raises(FitError, match="no optimum"):
             read()
     assert solution.unsealed().z.shape == solution.last.z.shape
-
-
-def test_snopt_says_so_too():
-    problem, _ = rest_to_rest(3.5, as_limit=False, intervals=10)
+    problem, _ = rest_to_rest(3.5, as_limit=as_limit, intervals=10)
     assert confirm(problem, zero(problem), "snopt", time_limit_s=20.0).status == "infeasible"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from vsf_drake.analysis.tuning import inputs
@@ -22,36 +24,31 @@ def test_embedded_trials_are_repeated_walks_at_the_middle_setting():
 
 
 def test_embedded_trials_come_with_the_contact_that_was_fitted_to_their_person():
-    found = load_tuning_trials([], quick=True)
+    given = load_tuning_trials([], quick=True)
     recorded = load_trial(MEDIUM)
     fitted = load_contact(embedded_contact()).values
-    assert found.labels == ("medium_2",) and found.synthetic and found.notes == ()
-    assert found.recorded_mm == [108.0] and found.reach_mm == pytest.approx((66.0, 151.0))
-    assert found.trials[0].model != recorded.model
-    assert found.trials[0].model.foot.fulcrum.stiffness_n_per_m == fitted["fulcrum.stiffness"]
-    assert any(name.startswith("medium_2: contact: contact.yaml") for name in found.inputs)
+    assert given.labels == ("medium_2",) and given.synthetic and given.notes == ()
+    assert given.recorded_mm == [108.0] and given.reach_mm == pytest.approx((66.0, 151.0))
+    assert given.trials[0].model != recorded.model
+    assert given.trials[0].model.foot.fulcrum.stiffness_n_per_m == fitted["fulcrum.stiffness"]
+    assert any(name.startswith("medium_2: contact: contact.yaml") for name in given.inputs)
 
 
 def test_without_a_contact_offsets_go_to_the_trial_and_progress_runs_forward(monkeypatch):
-    told = []
-
-    class Fit:
-        success, at_bound, message = False, (), "too many evaluations"
-
-        def __init__(self, trial):
-            self.offsets = type(trial.offsets)(height_m=0.004)
+    shares = []
 
     def fit_offsets(trial, progress):
         for count in (1, 10, 30):
             progress(count, 5.0)
-        return Fit(trial)
+        return SimpleNamespace(success=False, at_bound=(), message="too many evaluations",
+                               offsets=type(trial.offsets)(height_m=0.004))
 
     monkeypatch.setattr(inputs, "fit_offsets", fit_offsets)
-    found = load_tuning_trials([LOW, HIGH], progress=lambda what, share: told.append(share))
-    assert [trial.offsets.height_m for trial in found.trials] == [0.004, 0.004]
-    assert found.notes[1:] == tuple(f"{label}: the fit of its offsets failed: too many evaluations."
+    given = load_tuning_trials([LOW, HIGH], progress=lambda what, share: shares.append(share))
+    assert [trial.offsets.height_m for trial in given.trials] == [0.004, 0.004]
+    assert given.notes[1:] == tuple(f"{label}: the fit of its offsets failed: too many evaluations."
                                     for label in ("low_2", "high_2"))
-    assert told == sorted(told) and 0.0 < told[0] and told[-1] < 1.0
+    assert shares == sorted(shares) and 0.0 < shares[0] and shares[-1] < 1.0
 
 
 def test_a_trial_that_is_named_twice_or_not_there_is_refused():

@@ -316,6 +316,7 @@ def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span
     makes the stride; the rest serves where there is nothing else. In the spans `unknown` the foot stands on no plate
     though that says zero.
     """
+    # All instants of the recording by phase: row k is the stride that begins k periods after phase 0.
     count = max(2, round(period_s / GRID_S))
     grid = np.linspace(0.0, period_s, count + 1)
     first, last = max(plate.time_s[0], record[0]), min(plate.time_s[-1], record[1])
@@ -324,6 +325,8 @@ def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span
     seen = (t >= first - 1e-9) & (t <= last + 1e-9)
     for a, b in unknown:
         seen &= (t < a) | (t > b)
+
+    # Weighted means over the rows of the force, and of the centre of pressure with the force as weight.
     w = np.where(seen, np.maximum(closing_weights(t, *span, period_s), LEAST_WEIGHT), 0.0)
     _, series = plate_series(plate, forward)
     f = np.stack([np.interp(t, plate.time_s, column) for column in series.T], axis=2)

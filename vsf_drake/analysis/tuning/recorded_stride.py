@@ -85,6 +85,8 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     motion, file, mass = trial.trajectory, trial.path, trial.subject.mass_kg
     names, (rows, points, chain) = sagittal_coordinates(trial.subject.prosthetic_side), _shown(trial, walker)
     time = motion.time_s[rows]
+
+    # When: the period, the strike that is phase 0, and both feet's stances.
     whole_way = _heading(points, file=file)
     loaded, moved = _loaded_stances(trial), _moved_stances(time, points, chain)
     unknown = _unknown_spans(trial, loaded, moved)
@@ -101,7 +103,8 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
         raise InputError(f"the prosthetic stance that begins at {start:.3f} s has no end that can be told", file=file,
                          where="forces", right="A stride needs strike and lift-off of the prosthetic foot")
     intact, how_i = _within_stride(loaded["I"], moved["I"], start, T)
-    # the mean way of the pelvis over a stride, in which its sway from side to side has no part
+
+    # What is seen from the side, along the mean way of the pelvis over a stride, in which its sway has no part.
     way = [column.mean() for column in periodic.changes(time, points.pelvis[:, :2], T).T if column.size]
     forward = np.array(way) / np.hypot(*way) if way else whole_way
     wanted, recorded = points.seen(forward), _along(motion, names, points, forward, rows)
@@ -109,6 +112,9 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     weights = periodic.closing_weights(time, *span, T)
     rates = periodic.second_derivative(chain.with_mass(wanted)[:, -1], time, cutoff_hz=1.5 * periodic.HARMONICS / T)
     path = periodic.periodic_acceleration(time - start, rates, weights, T)
+
+    # The sagittal model laid on the 3-D one, instant by instant, then closed; its accelerations follow the plates where
+    # these know both feet's forces throughout.
     inside = (time >= span[0]) & (time <= span[1])
     t, wanted, recorded, weights = time[inside] - start, wanted[inside], recorded[inside], weights[inside]
     misfit = sagittal.make_misfit(chain, wanted, recorded, ground=points.ground)
@@ -126,6 +132,8 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     curves, shift, closed = periodic.close(misfit, curves, t, weights, wish, shift)
     advance = float(curves.advance[TX])
     forces = forces_with(advance)
+
+    # How well that went, in numbers and in words.
     standing = {"prosthetic": _within(t, prosthetic, T), "intact": _within(t, intact, T)}
     final, off = curves.sample(t)[0], np.degrees(periodic.changes(time[inside], projected, T))
     turns = [c for c, name in enumerate(names) if name not in ("pelvis_tx", "pelvis_ty")]

@@ -75,9 +75,12 @@ def walk_loads(
         assert loads is not None
         slopes = (record.wrench_by, loads.load[:, columns], loads.socket)
         parts[:3] = [np.concatenate([part, slope @ by], axis=2) for part, slope in zip(parts[:3], slopes, strict=True)]
-    # From moments about the ground's height to ones about W's origin.
+
+    # From moments about the ground's height h to ones about W's origin: M_O = M_h + (0, 0, h) x F.
     parts[0][:, 0] -= walk.mechanism.ground_height * parts[0][:, 4]
     parts[0][:, 1] += walk.mechanism.ground_height * parts[0][:, 3]
+
+    # One low-pass for all columns, then apart again.
     flat = low_pass(np.column_stack([part.reshape(len(part), -1) for part in parts]), rate_hz=1.0 / walk.step_s,
                     cutoff_hz=cutoff_hz)
     smooth = np.split(flat, np.cumsum([part[0].size for part in parts])[:-1], axis=1)
@@ -122,17 +125,22 @@ def stance_frame(
                          f"{cut}", file=trial.path, where="window",
                          right="Tuning needs the foot on the ground from touch-down to toe-off: choose another window "
                                "or motion, or fit the contact if the foot misses the ground")
+
+    # Weights of the instants in integrals over stance and over push-off.
     inside, late = np.zeros(len(time)), np.zeros(len(time))
     for stance in stances:
         start = stance.start_s + options.late_share * stance.duration_s
         inside[(time >= stance.start_s - margin) & (time <= stance.end_s + margin)] = step
         late[(time >= start) & (time <= stance.end_s + margin)] = step
+
     # The mean of the rates at both ends of a step: with it a load's work is the change of kinetic energy.
     rates = 0.5 * (record.v + np.vstack([record.v0, record.v[:-1]]))
     person = walker.gait.person
     shank = int(person.segments[f"shank_{subject.prosthetic_side}"].index())
     socket = tree.index(person.socket.coordinate_names[-1])
     motion = follow(tree, record.q, rates, bodies=[shank], coordinates=[socket], inside=tree.ancestors[:, socket])
+
+    # The plate's force, if that covers the walk and saw a load.
     body, plate, force = person.body, trial.plates.get(subject.prosthetic_side), None
     if plate is not None and plate.time_s[0] <= time[0] + 1e-9 + step and plate.time_s[-1] >= time[-1] - 1e-9 - step:
         force = low_pass(resample(time, plate.time_s, plate.force_W), rate_hz=1.0 / step, cutoff_hz=options.cutoff_hz)

@@ -266,6 +266,8 @@ def resimulate_with_feedback(
     first, last = (int(np.argmin(np.abs(times - end))) for end in (trajectory.start_s, trajectory.end_s))
     q, v = np.vstack([record.q0, record.q]), np.vstack([record.v0, record.v])
     columns = [walk.mechanism.tree.index(name) for name in trajectory.names]
+
+    # Gains on the whole state x, in which socket and keel follow the eight as `LinearSteps.whole` expects them to.
     steps = linear_steps(walk, trajectory.names, first, last)
     gains = np.zeros((last - first, COORDINATES, 2 * COORDINATES))  # N m or N per rad, m, rad/s, m/s
     if feedback:
@@ -274,6 +276,8 @@ def resimulate_with_feedback(
         K, _ = regulator(steps.A, steps.B[:, :, acting], Q, np.diag(h / FORCE[acting] ** 2),
                          periodic=trajectory.periodic)
         gains[:, acting] = K @ steps.whole
+
+    # Stride after stride with the same gains; states to compare with move on by one advance each.
     turns, k = np.divmod(np.arange(strides * len(gains) + (int(np.ceil(TAIL_S / h)) if period else 0)), len(gains))
     states = np.hstack([q[first : last + 1, columns], v[first : last + 1, columns]])[k]
     if trajectory.advance is not None:
@@ -283,6 +287,8 @@ def resimulate_with_feedback(
     feedforward = SolutionMotion(trajectory).loads(time_s[:-1] + 0.5 * h)
     driven = drive(walk, trajectory.names, time_s=time_s, feedforward=feedforward, gains=gains[k], states=states,
                    q0=q[first].copy(), v0=v0)
+
+    # What the feedback did over the compared stride, and what the closed loop makes of a small disturbance in one.
     shift_s = 0.0
     if period is not None:  # of the last stride, or of the one in which the person fell
         fallen = strides - 1 if driven.fell_s is None else int((driven.fell_s - trajectory.start_s) // period)
@@ -398,6 +404,7 @@ def regulator(
     for _ in range(MOST_PERIODS if periodic else 1):
         before = P
         for k in range(len(A) - 1, -1, -1):
+            # K = (R + B'PB)^-1 B'PA, P = Q + A'P(A - BK)
             PA, PB = P @ A[k], P @ B[k]
             K[k] = np.linalg.solve(R + B[k].T @ PB, B[k].T @ PA)
             P = Q + A[k].T @ (PA - PB @ K[k])
@@ -473,11 +480,14 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
              record.q[k, held], np.zeros((0, 0)), np.zeros(0), q, v, load, sites, support)
         tangent_matrix(h, arrays, forces, split, room, FLAT, sites)
         linearise(h, arrays, forces, split, ways, room, tangent, q0, v, sites, support)
+
         # The step's equations G(q0, v0, v, u) = 0 give dv; then dq = dq0 + h dv, as the step is implicit.
         answer = np.linalg.solve(room.A, np.hstack([-tangent.Gq[:, :f], -tangent.Gv[:, :f], eye[:, place]]))
         A[row, f:], B[row, f:] = h * answer[:, : 2 * f], h * answer[:, 2 * f :]
         A[row, :f], B[row, :f] = h * A[row, f:], h * B[row, f:]
         A[row, :f, :f] += eye
+
+        # In balance, G is 0 at rest too: of socket and keel dq = -G_rr^-1 G_rp dq of the person's eight.
         inner[row, place] = np.eye(len(moving))
         inner[row, rest] = -np.linalg.solve(tangent.Gq[np.ix_(rest, rest)], tangent.Gq[np.ix_(rest, place)])
     return LinearSteps(A=A, B=B, person=np.concatenate([place, f + place]), inner=inner)

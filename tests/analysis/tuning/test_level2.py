@@ -33,23 +33,15 @@ def stride(tuning):
 
 
 @pytest.fixture(scope="module")
-def start(stride):
-    return stride.start(stride.own_m / MM)
-
-
-@pytest.fixture(scope="module")
 def tracked_stride(tuning):
     return tracked(tuning.stride)
 
 
-def test_a_recorded_stride_begins_with_keel_and_socket_in_balance(stride, start):
-    y = stride.function.evaluate(start.z, start.p)
+def test_a_stride_begins_in_balance_and_its_derivatives_equal_central_differences(stride):
+    start = stride.start(stride.own_m / MM)
+    y, by_z, by_p = stride.function.linearise(start.z, start.p)
     balance = [i for i in stride.function.starting_with("balance_") if "pelvis" not in stride.function.names[i]]
-    assert np.abs(y[:, balance]).max() < 1e-6 * stride.model.weight
-
-
-def test_derivatives_of_the_stride_equal_central_differences(stride, start):
-    _, by_z, by_p = stride.function.linearise(start.z, start.p)
+    assert np.abs(y[:, balance]).max() < 1e-6 * stride.model.weight, "of keel and socket"
     rng = np.random.default_rng(3)
     dz, dp = rng.standard_normal(start.z.shape), np.array([1e-2, 0.3, 0.1, 0.2])
     dz[:, stride.function.layout.w] *= 1e-2
@@ -65,9 +57,8 @@ def test_constant_joint_power_costs_its_work_over_the_efficiencies(stride):
     powers = stride.function.starting_with("power_")
     y[:, powers[0]], y[:, powers[1]] = 1000.0, -1000.0
     work = 1000.0 * stride.grid.duration_s / stride.model.subject.mass_kg
-    rounding = stride.options.smooth_power_w / 1000.0
-    assert stride.value("metabolic", y) == pytest.approx(
-        work * (1.0 / POSITIVE + 1.0 / NEGATIVE), rel=rounding)
+    assert stride.value("metabolic", y) == pytest.approx(work * (1.0 / POSITIVE + 1.0 / NEGATIVE),
+                                                         rel=stride.options.smooth_power_w / 1000.0)
 
 
 def test_a_recording_that_is_met_deviates_by_nothing(stride):
@@ -123,9 +114,8 @@ def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an
 
 
 def test_two_trials_an_unknown_cost_and_a_range_out_of_reach_are_refused(trial):
-    with pytest.raises(InputError, match="2 trials"):
-        StrideTuning([trial, trial], cost="metabolic")
-    with pytest.raises(InputError, match="no 'comfort'"):
-        StrideTuning([trial], cost="comfort")
-    with pytest.raises(InputError, match="reach"):
-        StrideTuning([trial], cost="metabolic", options=StrideOptions(bounds_mm=(10.0, 300.0)))
+    for trials, cost, options, message in (
+            ([trial, trial], "metabolic", None, "2 trials"), ([trial], "comfort", None, "no 'comfort'"),
+            ([trial], "metabolic", StrideOptions(bounds_mm=(10.0, 300.0)), "reach")):
+        with pytest.raises(InputError, match=message):
+            StrideTuning(trials, cost=cost, options=options)
