@@ -52,7 +52,8 @@ def anything(seed, *, method="hermite_simpson", intervals=9, periodic=True, fixe
         Outputs(function), layout, grid, outputs=6, equations=[0], limits=[Limits(outputs=[3, 4], low=-1.0, high=2.0)],
         residuals=[Residuals(outputs=[1, 2], target=draw.standard_normal((count, 2)), weight=[1.0, 3.0]),
                    Residuals(outputs=[2], weight=draw.uniform(0.0, 1.0, (count, 1)))],
-        convex=[Convex(output=3, function=square, weight=0.2), Convex(output=5, function=line)],
+        convex=[Convex(output=3, function=square, weight=draw.uniform(0.1, 0.3, count)),
+                Convex(output=5, function=line)],
         design=Design(names=("m", "n"), low=-3.0, high=3.0), low=low, high=high,
         advance=[0.5, 0.0] if periodic else None,
         z_scale=draw.uniform(0.5, 2.0, 9), y_scale=draw.uniform(0.5, 2.0, 6), cost_scale=3.0)

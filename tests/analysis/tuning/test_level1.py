@@ -33,8 +33,7 @@ SETTING, STEPS = (97.3, 1.1, 0.01, 6.2), (1e-2, 1e-3, 1e-5, 1e-3)
 
 @pytest.fixture(scope="module")
 def solution(made_tuning):
-    return solve(made_tuning("medium_1", "medium_2", "high_1", tasks=["medium", "medium", "high"], draws=2,
-                             sweep_mm=10.0))
+    return solve(made_tuning("medium_1", "high_1", tasks=["medium", "high"], draws=2, sweep_mm=10.0))
 
 
 # The problem: its cost, its derivatives, and what it refuses.
@@ -150,9 +149,9 @@ def walked(trial, walker, fulcrum_mm, **options):
 
 
 def test_tracking_finds_the_fulcrum_that_made_the_force(tuned_trials, shared_walker, made_tuning):
-    found = solve(made_tuning(walked(tuned_trials["medium_2"], shared_walker, TRUE_MM), cost="tracking", sweep_mm=5.0))
-    assert found.fulcrum_mm == pytest.approx(TRUE_MM, abs=0.05)
-    assert found.cost < 1e-8
+    ended = solve(made_tuning(walked(tuned_trials["medium_2"], shared_walker, TRUE_MM), cost="tracking", sweep_mm=5.0))
+    assert ended.fulcrum_mm == pytest.approx(TRUE_MM, abs=0.05)
+    assert ended.cost < 1e-8
 
 
 @pytest.mark.slow
@@ -162,10 +161,10 @@ def test_tracking_finds_fulcrum_heel_and_alignment_together(tuned_trials, shared
         if name.startswith("contact.heel") and name.endswith(".stiffness")}
     tuning = made_tuning(walked(tuned_trials["medium_2"], shared_walker, TRUE_MM, values=values), cost="tracking",
                          design=("heel_stiffness", "alignment"), sweep_mm=10.0, more_starts=0)
-    found = solve(tuning).values
-    assert found["fulcrum"] == pytest.approx(TRUE_MM, abs=0.3)
-    assert found["heel_stiffness"] == pytest.approx(1.25, abs=0.02)
-    assert found["alignment"] == pytest.approx(0.012, abs=3e-4)
+    ended = solve(tuning).values
+    assert ended["fulcrum"] == pytest.approx(TRUE_MM, abs=0.3)
+    assert ended["heel_stiffness"] == pytest.approx(1.25, abs=0.02)
+    assert ended["alignment"] == pytest.approx(0.012, abs=3e-4)
 
 
 @pytest.mark.slow
@@ -191,21 +190,21 @@ def test_a_softer_foot_stores_less_under_the_same_motion_and_more_under_the_same
 @pytest.mark.parametrize("cost", [*COSTS, WEIGHTED])
 def test_optimum_of_each_cost_is_that_of_a_sweep_in_millimetres(made_tuning, cost):
     """Within 1 mm and 0.5 % of the cost's size, confirmed by other solvers, in less than a minute."""
-    found = solve(made_tuning(cost=cost, step_s=1e-3, confirm=("ipopt", "nlopt")))
-    checks = {check.name: check for check in found.checks}
-    assert found.success, found.message
-    size = found.tuning.combination.size
-    i = int(np.argmin(found.sweep.cost))
-    assert abs(found.fulcrum_mm - found.sweep.fulcrum_mm[i]) <= 1.0
-    assert found.cost <= found.sweep.cost[i] + 1e-9 * size
+    ended = solve(made_tuning(cost=cost, step_s=1e-3, confirm=("ipopt", "nlopt")))
+    checks = {check.name: check for check in ended.checks}
+    assert ended.success, ended.message
+    size = ended.tuning.combination.size
+    i = int(np.argmin(ended.sweep.cost))
+    assert abs(ended.fulcrum_mm - ended.sweep.fulcrum_mm[i]) <= 1.0
+    assert ended.cost <= ended.sweep.cost[i] + 1e-9 * size
     # Between two positions a parabola falls by at most a quarter of what it rises to the next.
-    between = found.sweep.cost[[max(i - 1, 0), min(i + 1, 85)]].max() - found.sweep.cost[i]
-    assert found.cost >= found.sweep.cost[i] - 0.25 * between - 1e-9 * size
+    between = ended.sweep.cost[[max(i - 1, 0), min(i + 1, 85)]].max() - ended.sweep.cost[i]
+    assert ended.cost >= ended.sweep.cost[i] - 0.25 * between - 1e-9 * size
     for name in ("brute_force_position", "brute_force_cost", "solver_ipopt", "solver_nlopt", "gradient", "step",
                  "smoothing", "smoothing_shift", "convergence", "recorded_force", "force_change"):
         if name != "force_change" or cost != "tracking":
             assert checks[name].met, checks[name]
-    assert found.wall_s < 60.0
+    assert ended.wall_s < 60.0
 
 
 # What a tuning leaves, complete or broken off.
@@ -226,11 +225,11 @@ def test_table_and_arrays_are_of_the_solution(solution):
     assert sum(term.value for term in table.terms) == pytest.approx(table.cost)
     for row in table.sweep:
         assert sum(row.terms.values()) == pytest.approx(row.cost)
-    assert arrays["sweep_cost_trials"].shape == (len(arrays["sweep_mm"]), 3)
+    assert arrays["sweep_cost_trials"].shape == (len(arrays["sweep_mm"]), 2)
     assert arrays["sweep_cost_trials"].mean(axis=1) == pytest.approx(solution.sweep.cost)
     for name in ("softest", "optimum", "stiffest", "recorded"):
         assert arrays[f"grf_{name}"].shape == (len(arrays["grf_time"]), 3)
-        assert np.isfinite(arrays[f"trial_2_{name}"]).all()
+        assert np.isfinite(arrays[f"trial_1_{name}"]).all()
 
 
 def test_one_setting_for_all_costs_each_task_at_least_its_own_and_more_weight_never_makes_a_cost_worse(solution):
@@ -238,7 +237,7 @@ def test_one_setting_for_all_costs_each_task_at_least_its_own_and_more_weight_ne
     assert (medium.label, high.label) == ("medium", "high")
     assert medium.fulcrum_mm < solution.fulcrum_mm < high.fulcrum_mm
     assert all(task.cost_common >= task.cost for task in solution.tasks)
-    assert (2.0 * medium.cost_common + high.cost_common) / 3.0 == pytest.approx(solution.cost, rel=0.01)
+    assert (medium.cost_common + high.cost_common) / 2.0 == pytest.approx(solution.cost, rel=0.01)
     first, second = ([getattr(row, name) for row in solution.pareto] for name in ("first", "second"))
     assert np.all(np.diff(first) <= 1e-4 * abs(first[0]))
     assert np.all(np.diff(second) >= -1e-3 * abs(second[0]))
@@ -287,15 +286,15 @@ def test_an_interrupt_keeps_the_best_point_and_says_that_it_is_none(made_tuning)
 
 @pytest.mark.slow
 def test_a_warm_start_begins_where_the_last_tuning_ended(made_tuning, solution):
-    again = solve(made_tuning("medium_1", "medium_2", "high_1", **QUICK), warm_start=solution.values)
+    again = solve(made_tuning("medium_1", "high_1", **QUICK), warm_start=solution.values)
     assert again.searches[-1].start == pytest.approx(solution.best.x)
     assert again.fulcrum_mm == pytest.approx(solution.fulcrum_mm, abs=0.05)
 
 
 def test_a_narrow_range_ends_on_its_bound_and_says_so(made_tuning, solution):
-    found = solve(made_tuning(bounds_mm=(120.0, 140.0), sweep_mm=10.0))
-    assert found.at_bound == ("fulcrum",) == tuning_table(found).at_bound
-    assert found.fulcrum_mm == pytest.approx(120.0, abs=1e-6)
+    ended = solve(made_tuning(bounds_mm=(120.0, 140.0), sweep_mm=10.0))
+    assert ended.at_bound == ("fulcrum",) == tuning_table(ended).at_bound
+    assert ended.fulcrum_mm == pytest.approx(120.0, abs=1e-6)
     with pytest.raises(InputError, match="does not hold fulcrum, alignment"):
         solve(made_tuning(design=("alignment",)), warm_start=solution.values)
 

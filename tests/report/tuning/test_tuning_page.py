@@ -36,6 +36,7 @@ from vsf_drake.report.tuning.chapters import (
     TUNING,
     answer,
     first_line,
+    schedule_page,
     schedule_words,
     tasks_words,
     tuning_page,
@@ -57,10 +58,10 @@ MADE = {"level_1": (made_table, made_arrays), "level_2": (made_stride_table, mad
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """A folder of each kind of tuning, and one of a schedule."""
+    """A folder of tunings of level 1, and one of a schedule."""
     home = tmp_path_factory.mktemp("tunings")
-    for kind, (table, arrays) in MADE.items():
-        write_tuning(home / kind, table(), arrays())
+    for kind in ("level_1", "failed"):
+        write_tuning(home / kind, *(make() for make in MADE[kind]))
     write_schedule(home / "schedule", made_schedule())
     return home
 
@@ -82,10 +83,10 @@ def test_everything_is_written_and_read_back_in_every_digit(folders):
     assert {"figures/cost.png", "figures/cost.svg", "figures/outcomes.png", "figures/force.svg", "figures/tasks.png",
             "figures/pareto.png", "figures/robustness.png", "tables/sweep.csv", "tables/outcomes.csv",
             "tables/checks.csv", "tables/confirmed_by.csv"} <= set(files(folders / "level_1"))
-    stride = set(files(folders / "level_2"))
-    assert {"figures/motion.png", "figures/torque.png", "figures/stride_force.png"} <= stride
-    assert "figures/force.png" not in stride, "of a stride, both feet are shown"
-    for kind, (table, arrays) in MADE.items():
+    stride = tuning_page(plain(made_stride_table()), made_stride_arrays(), lenient=False)["chapters"]
+    shown = {name for chapter in stride for name in chapter.figures}
+    assert {"motion", "torque", "stride_force"} <= shown and "force" not in shown, "of a stride, both feet are shown"
+    for kind, (table, arrays) in (pair for pair in MADE.items() if pair[0] != "level_2"):
         saved, read = TUNING.read(folders / kind)
         assert tuning_of(saved) == table()
         assert list(plain(table())) == [key for key in saved if key != "arrays_sha256"]
@@ -97,22 +98,23 @@ def test_everything_is_written_and_read_back_in_every_digit(folders):
 
 
 def test_the_report_made_again_is_the_same_to_the_byte_and_its_tags_close(run, folders, tmp_path):
-    for kind in (*MADE, "schedule"):
+    for kind in ("level_1", "failed", "schedule"):
         reader = Balanced()
         reader.feed((folders / kind / "report.html").read_text(encoding="utf-8").partition("\n")[2])
         assert reader.open == []
-        if kind != "level_2":
-            shutil.copytree(folders / kind, tmp_path / kind)
-            for path in [*(tmp_path / kind).glob("*.html"), *(tmp_path / kind).glob("[ft]*/*")]:
-                path.unlink()
-            assert run("report", tmp_path / kind)[::2] == (0, "")
-            assert files(tmp_path / kind) == files(folders / kind)
+        shutil.copytree(folders / kind, tmp_path / kind)
+        for path in [*(tmp_path / kind).glob("*.html"), *(tmp_path / kind).glob("[ft]*/*")]:
+            path.unlink()
+        assert run("report", tmp_path / kind)[::2] == (0, "")
+        assert files(tmp_path / kind) == files(folders / kind)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
 @pytest.mark.parametrize("kind", [*MADE, "schedule"])
 def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path, kind):
+    if kind == "level_2":
+        write_tuning(folders / kind, made_stride_table(), made_stride_arrays())
     for width in (1280, 390):
         (tmp_path / str(width)).mkdir()
         seen = look(folders / kind / "report.html", tmp_path / str(width), width=width)
@@ -121,7 +123,7 @@ def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path, kind):
         assert seen.images == {"level_1": 6, "level_2": 7, "failed": 0, "schedule": 3}[kind]
 
 
-def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(folders, tmp_path):
+def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(folders):
     page = body(folders / "failed")
     assert page.startswith('<p class="alarm" role="alert">NOT OPTIMAL: the iteration limit was reached.')
     assert "<h1>NOT OPTIMAL: stiffness tuned: load of the intact knee</h1>" in page and "has the least" not in page
@@ -129,17 +131,18 @@ def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(fo
     for table in (failed_table(), failed_table(fulcrum_mm=None, cost=None), made_table(optimal=False)):
         words = " ".join(answer(table))
         assert "least" not in words and "less than" not in words
-    page, _ = chapter_page(**tuning_page(plain(made_table(optimal=False)), made_arrays(), lenient=False))
+    stopped = made_table(optimal=False, tasks=(), pareto=(), robustness=())
+    page, _ = chapter_page(**tuning_page(plain(stopped), {}, lenient=False))
     assert "NOT OPTIMAL: the last iterate is at 104.2 mm" in page, "the alternative text of the figure"
     assert "The optimum is at" not in page and ">optimum</th>" not in page
     figure = cost_curve_figure(made_table(optimal=False), {})
     labels = [str(line.get_label()) for line in figure.axes[0].get_lines()]
     assert "last iterate, NOT OPTIMAL" in labels and not any(name.startswith("optimum") for name in labels)
-    write_schedule(tmp_path / "out", made_schedule(optimal=False, described=False))
-    page = body(tmp_path / "out")
-    assert page.startswith('<p class="alarm" role="alert">NOT OPTIMAL: speed 1.2: the iteration limit was reached.')
-    assert "do not store it" in page and "To store:" not in page
-    assert not (tmp_path / "out" / "figures" / "policy.png").exists(), "nothing tells its tasks apart"
+    schedule = made_schedule(optimal=False, described=False)
+    page = schedule_page(plain(schedule), {}, lenient=False)
+    assert page["alarm"].startswith("NOT OPTIMAL: speed 1.2: the iteration limit was reached.")
+    assert "do not store it" in page["alarm"] and "To store:" not in " ".join(schedule_words(schedule))
+    assert "policy" not in page["chapters"][0].figures, "nothing tells its tasks apart"
 
 
 def test_another_tuning_in_the_same_folder_leaves_nothing_of_the_first(tmp_path):
