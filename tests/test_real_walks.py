@@ -53,7 +53,7 @@ def assert_believable(metrics):
     assert metrics["unconverged_steps"] == 0 and metrics["converged"] is True
 
 
-@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize("side", [pytest.param("right", marks=pytest.mark.slow), "left"])
 def test_walk_of_joint_angles(shared_data, tmp_path, side):
     trial, metrics, result = simulated(tmp_path, shared_data, "angles", side)
     assert {"metrics.json", "walk.png", "walk.svg", "result.npz", "result.yaml", "replay.html"} <= {
