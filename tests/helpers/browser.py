@@ -54,8 +54,7 @@ def chromium() -> str | None:
                 None)
 
 
-def look(page: Path, folder: Path, *, width: int, height: int = 900, screenshot: Path | None = None,
-         budget_ms: int = 8000) -> Seen:
+def look(page: Path, folder: Path, *, width: int, height: int = 900, budget_ms: int = 8000) -> Seen:
     """Opens `page` in a frame `width` pixels wide for `budget_ms` of its time; `folder` is an empty one to work in."""
     text = page.read_text(encoding="utf-8")
     (folder / "page.html").write_text(text.replace("</body>", _MEASURE + "</body>"), encoding="utf-8")
@@ -68,14 +67,13 @@ def look(page: Path, folder: Path, *, width: int, height: int = 900, screenshot:
                f"--window-size={max(width, 500)},{height + 40}", f"file://{folder / 'frame.html'}"]
     ended = subprocess.run([*command, "--dump-dom"], capture_output=True, text=True, timeout=120, check=True)
     seen = json.loads(html.unescape(re.search(r'<pre id="seen">(.*?)</pre>', ended.stdout, re.DOTALL)[1]))
-    if screenshot is not None:
-        subprocess.run([*command, f"--screenshot={screenshot}"], capture_output=True, timeout=120, check=True)
     console = [line for line in ended.stderr.splitlines() if "CONSOLE" in line]
     return Seen(**seen, console=console, requests=_requests(log))
 
 
 def _requests(log: Path) -> list[str]:
     """Addresses that the page asked for, beside files, data and what the browser asks for itself."""
-    found = set(re.findall(r'"url":"((?:https?|wss?|ftp):[^"]*)"', log.read_text(encoding="utf-8", errors="replace")))
+    text = log.read_text(encoding="utf-8", errors="replace")
+    addresses = set(re.findall(r'"url":"((?:https?|wss?|ftp):[^"]*)"', text))
     own = re.compile(r"https?://[^/]*(google|gstatic|googleapis|chromium)[^/]*/")
-    return sorted(url for url in found if not own.match(url))
+    return sorted(url for url in addresses if not own.match(url))
