@@ -237,12 +237,13 @@ def test_mass_is_told_by_the_impulse(stated):
     assert untold.value is None and "cannot be told" in untold.sentence
 
 
-@pytest.mark.parametrize("late", [0.05, -0.05, 0.0])
+@pytest.mark.parametrize("late", [0.05, -0.05, 0.006, 0.0])
 def test_lag_of_fifty_milliseconds_is_found_within_five(late):
     under, _ = plates(late_s=late)
     check = lag(LONG, total_vertical(LONG, under), rates(LONG)[1], (LONG > 0.9) & (LONG < 2.2))
     assert check.value == pytest.approx(late, abs=0.005)
-    assert check.mark == ("good" if late == 0.0 else "unusable")
+    assert check.mark == ("good" if late < 0.01 and late >= 0.0 else "unusable")
+    assert check.cost_bw == (0.0 if check.mark == "good" else pytest.approx(2.5 * 0.05, rel=0.1))
 
 
 def test_lag_is_also_read_from_touch_downs():

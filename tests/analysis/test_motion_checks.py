@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from vsf_drake.analysis.recording import grade, worst
 from vsf_drake.analysis.recording.motion_checks import (
+    ankle_offset,
     filtered_before,
     gaps_filled,
     knee_axis,
@@ -58,6 +59,13 @@ def test_axis_of_a_knee_measured_about_another_one_is_found(turned_deg, side):
     check = knee_axis({f"knee_angle_{side[0]}": flexion, f"knee_adduction_{side[0]}": adduction}, side)
     assert abs(check.value) == pytest.approx(abs(turned_deg), abs=2.0)
     assert check.mark == ("good" if abs(turned_deg) < 10 else "doubtful") and check.side == side
+    assert knee_axis({f"knee_angle_{side[0]}": 0.1 * flexion, f"knee_adduction_{side[0]}": adduction}, side) is None
+
+
+def test_ankle_that_is_not_measured_from_a_right_angle_is_doubted():
+    for degrees, mark in ((-25.0, "doubtful"), (-10.0, "good"), (25.0, "doubtful")):
+        assert ankle_offset({"ankle_angle_l": np.full(9, np.radians(degrees))}, "left").mark == mark
+    assert ankle_offset({}, "left") is None
 
 
 def test_angles_that_begin_at_exactly_zero_are_found():

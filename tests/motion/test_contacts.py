@@ -76,6 +76,12 @@ def test_load_ahead_of_a_short_toe_is_not_shared_with_a_foot_beside_the_plate():
     assert sides(result) == [("R0", "right"), ("L0", "left"), ("R1", "right"), ("L1", "left")]
 
 
+def test_foot_that_stands_on_the_plate_too_shares_it_unless_a_plate_of_its_own_carries_it():
+    wide = plate("1", step_load("right", 0), corners=rectangle((-0.1, 1.0), (-0.3, 0.3)))
+    assert dict(sides(assign(wide, *everywhere(R0=None, L0=None))))["1"] is None
+    assert dict(sides(assign(wide, *everywhere(R0=None))))["1"] == "right"
+
+
 def test_one_foot_on_two_plates_is_their_sum():
     """Heel on one plate and toes on the next: same resultant, same centre of pressure, same moment."""
     force, cop = step_load("right", 0)
