@@ -1,10 +1,23 @@
-"""A study of the embedded trials as the tests of the validation take it; made once a session."""
+"""Studies of the embedded trials as the tests of the validation take them, and sections of a saved validation."""
 
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
+from typing import Any
 
-from vsf_drake.analysis.validation import Study, StudyOptions, embedded_contact, embedded_trials, make_study
+from command_line import read_json
+
+from vsf_drake.analysis.validation import (
+    Section,
+    Study,
+    StudyOptions,
+    embedded_contact,
+    embedded_trials,
+    make_study,
+)
+from vsf_drake.analysis.validation.run import tables
+from vsf_drake.files import read_npz, record
 
 
 @cache
@@ -12,3 +25,12 @@ def embedded_study(*, quick: bool = True, tier: str = "laboratory", with_contact
     """One walk a setting (all nine if not `quick`), with the stored contact or with fitted offsets; no bench file."""
     return make_study(embedded_trials(tier, quick=quick), contact=embedded_contact(tier) if with_contact else None,
                       options=StudyOptions(quick=quick, workers=1))
+
+
+@cache
+def saved_section(folder: Path, name: str) -> Section[Any]:
+    """A section of the validation in `folder`, as it comes back from disk."""
+    saved = read_json(folder / "validation.json")["sections"][name]
+    arrays = {key.removeprefix(f"{name}__"): array for key, array in read_npz(folder / "validation.npz").items()
+              if key.startswith(f"{name}__")}
+    return Section(table=record(tables()[name], saved["table"]), arrays=arrays, missing=tuple(saved["missing"]))

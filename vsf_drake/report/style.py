@@ -91,9 +91,9 @@ def name_of(fulcrum_mm: float) -> str:
     return condition_label(1e-3 * fulcrum_mm)
 
 
-def say_synthetic(figure: Figure, table: Row, what: str) -> None:
+def say_synthetic(figure: Figure, synthetic: bool, what: str) -> None:
     """That nobody recorded these walks, or trials."""
-    if table["synthetic"]:
+    if synthetic:
         figure.suptitle(f"SYNTHETIC {what}, not recorded", x=0.01, ha="left", fontsize=11)
 
 

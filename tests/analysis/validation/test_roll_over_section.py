@@ -1,95 +1,191 @@
-"""The section on rolling over: what physics asks of it, its force level, and its plain values."""
+"""Rolling over: shapes and arms of known answer, the profile of ISO 22675, and what physics asks of the section."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_roll_over import embedded_roll_over
-from made_study import embedded_study
+from made_study import embedded_study, saved_section
 
+from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.validation.roll_over_section import (
     DURATION_S,
+    OPPOSITE_STRIKE,
+    TOE_OFF,
+    Frames,
+    _arm,
     _iso_row,
+    fit_arc,
     force_share,
-    iso_roll_over,
+    mean_moment_arm,
     roll_over_section,
+    shape_numbers,
     tilt_rad,
+    walked_shapes,
 )
 from vsf_drake.errors import InputError
-from vsf_drake.files import plain
+from vsf_drake.motion.events import Stance
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.plants.foot import mount_pose, sole_height
 from vsf_drake.simulation.roll_over import RollOver
 
 
+def arc(radius, centre=(0.02, 0.2), start=-0.25, end=0.5, n=60):
+    angle = np.linspace(start, end, n)
+    return np.column_stack([centre[0] + radius * np.sin(angle), centre[1] - radius * np.cos(angle)])
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.3, 0.9])
+def test_arc_of_a_circle_has_its_radius_and_centre(radius):
+    found = fit_arc(arc(radius))
+    assert found.radius_m == pytest.approx(radius, rel=1e-9)
+    np.testing.assert_allclose(found.centre_m, (0.02, 0.2), atol=1e-9)
+    assert found.rms_m < 1e-12
+
+
+def test_radius_does_not_depend_on_where_the_arc_lies_and_how_it_is_turned():
+    points = arc(0.3) + 1e-3 * np.random.default_rng(1).normal(size=(60, 2))
+    turned = points @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [1.5, -0.7]
+    assert fit_arc(turned).radius_m == pytest.approx(fit_arc(points).radius_m, rel=1e-9)
+
+
+def test_fit_is_the_least_sum_of_squared_distances():
+    """No circle nearby is nearer to a noisy arc; checked by moving each of its three numbers both ways."""
+    points = arc(0.3) + 2e-3 * np.random.default_rng(2).normal(size=(60, 2))
+    found = fit_arc(points)
+
+    def cost(x, z, r):
+        return np.sum((np.linalg.norm(points - [x, z], axis=1) - r) ** 2)
+
+    best = np.array([*found.centre_m, found.radius_m])
+    for step in 1e-4 * np.vstack([np.eye(3), -np.eye(3)]):
+        assert cost(*(best + step)) > cost(*best)
+    assert found.rms_m == pytest.approx(np.sqrt(cost(*best) / 60))
+
+
+@pytest.mark.parametrize("points", [
+    np.column_stack([np.linspace(0, 0.2, 30), np.full(30, -0.08)]), np.full((30, 2), np.nan), np.zeros((30, 2)),
+    arc(0.3)[:3]])
+def test_a_straight_line_a_point_or_nothing_has_no_radius(points):
+    assert fit_arc(points) is None
+
+
+def test_dwelling_of_the_load_does_not_change_the_arc():
+    """The same shape, no circle, a quarter of the samples in its first tenth."""
+    slow = np.concatenate([np.linspace(-0.25, -0.175, 75), np.linspace(-0.174, 0.5, 200)])
+    shape = np.column_stack([0.3 * np.sin(slow), -0.3 * np.cos(slow) ** 2])
+    even = np.linspace(-0.25, 0.5, 400)
+    same = np.column_stack([0.3 * np.sin(even), -0.3 * np.cos(even) ** 2])
+    radius, wanted = (shape_numbers(points, heel_m=0.0, foot_length_m=0.245).radius_m for points in (shape, same))
+    assert radius == pytest.approx(wanted, rel=1e-3)
+
+
+def test_effective_length_runs_from_the_heel_to_the_front_end():
+    points = np.vstack([[np.nan, np.nan], arc(0.3, centre=(0.0, 0.2))])
+    numbers = shape_numbers(points, heel_m=-0.055, foot_length_m=0.245)
+    length = 0.055 + 0.3 * np.sin(0.5)
+    assert numbers.effective_foot_length_m == pytest.approx(length)
+    assert numbers.effective_foot_length_ratio == pytest.approx(length / 0.245)
+    assert numbers.radius_m == pytest.approx(0.3, rel=1e-3)
+
+
+def test_unknown_shape_has_no_numbers():
+    assert set(vars(shape_numbers(np.full((101, 2), np.nan), heel_m=0.0, foot_length_m=0.245)).values()) == {None}
+
+
+def test_mean_arm_of_a_load_at_one_place_is_that_place_whatever_its_course():
+    time = np.linspace(0.0, 0.7, 300)
+    force = 700.0 * np.sin(np.pi * time / 0.7) ** 2
+    assert mean_moment_arm(time, 0.06 * force, force) == pytest.approx(0.06)
+
+
+def test_mean_arm_weighs_by_force_and_leaves_out_what_is_unknown():
+    """Half of the impulse at 20 mm, half at 60 mm: 40 mm; instants without a centre of pressure do not count."""
+    time = np.linspace(0.0, 1.0, 1001)
+    force = np.full(1001, 100.0)
+    arm = np.where(time < 0.5, 0.02, 0.06)
+    assert mean_moment_arm(time, arm * force, force) == pytest.approx(0.04, abs=1e-4)
+    moment = np.where(time < 0.5, np.nan, arm * force)
+    assert mean_moment_arm(time, moment, force) == pytest.approx(0.06, abs=1e-4)
+    assert mean_moment_arm(time, np.full(1001, np.nan), force) is None
+
+
+PROFILE_S = np.linspace(0.0, DURATION_S, 6001)
+
+
+@pytest.mark.parametrize(("span", "sign", "at_s", "share", "tilt_deg"), [
+    ((0.0, 0.3), 1.0, 0.151, 1.0, -15.0), ((0.3, 0.6), 1.0, 0.4475, 0.987, 19.8), ((0.2, 0.4), -1.0, 0.3, 0.668, -0.1)])
+def test_peaks_and_valley_have_the_published_instants_forces_and_tilts(span, sign, at_s, share, tilt_deg):
+    time = PROFILE_S[(PROFILE_S > span[0]) & (PROFILE_S < span[1])]
+    at = time[np.argmax(sign * force_share(time))]
+    assert at == pytest.approx(at_s, abs=2e-3 if sign < 0 else 1e-3)
+    assert force_share(np.array([at]))[0] == pytest.approx(share, abs=1e-3)
+    assert np.degrees(tilt_rad(np.array([at_s])))[0] == pytest.approx(tilt_deg, abs=0.15)
+
+
+def test_force_starts_and_ends_at_nothing_and_tilt_runs_from_minus_20_to_plus_40_degrees():
+    np.testing.assert_allclose(force_share(np.array([0.0, DURATION_S])), 0.0, atol=1e-3)
+    assert force_share(PROFILE_S).min() == 0.0
+    np.testing.assert_allclose(np.degrees(tilt_rad(np.array([0.0, DURATION_S]))), [-20.04, 40.1], atol=0.1)
+    assert np.all(np.diff(tilt_rad(PROFILE_S)) > 0.0)
+
+
 @pytest.fixture(scope="module")
-def section():
-    return embedded_roll_over()
-
-
-def test_nothing_is_missing_of_the_embedded_walks(section):
-    assert section.missing == ()
-    json.dumps(plain(section.table), allow_nan=False)
-    assert all("/" not in name and np.asarray(value).ndim == 1 for name, value in section.arrays.items())
+def section(quick_validation):
+    return saved_section(quick_validation, "roll_over")
 
 
 def test_profile_is_followed_at_the_subjects_weight_which_is_said(section):
-    iso = section.table["iso"]
-    assert iso["force_n"] == pytest.approx(78.0 * GRAVITY)
-    assert iso["force_from"] == "weight"
-    assert iso["follows"]
-    for row in iso["positions"]:
-        force = section.arrays[f"iso_{row['fulcrum_mm']:.0f}_force_n"]
-        assert np.abs(force - section.arrays["iso_wanted_n"]).max() < 0.01 * iso["force_n"]
+    iso = section.table.iso
+    assert iso.force_n == pytest.approx(78.0 * GRAVITY)
+    assert iso.force_from == "weight" and iso.follows and section.missing == ()
+    for row in iso.positions:
+        force = section.arrays[f"iso_{row.fulcrum_mm:.0f}_force_n"]
+        assert np.abs(force - section.arrays["iso_wanted_n"]).max() < 0.01 * iso.force_n
 
 
 def test_friction_changes_what_is_lost_and_hardly_the_shape(section):
     """Geometry is of the tilt and the deflection; friction, at most half of the normal force, acts across them."""
-    iso = section.table["iso"]
-    for smooth, rough in zip(iso["positions"], iso["with_friction"], strict=True):
-        assert rough["radius_m"] == pytest.approx(smooth["radius_m"], rel=0.1)
-        assert rough["lost_by_sliding_j"] > 1.0 > smooth["lost_by_sliding_j"] == 0.0
-        assert rough["return_ratio"] < smooth["return_ratio"]
+    iso = section.table.iso
+    for smooth, rough in zip(iso.positions, iso.with_friction, strict=True):
+        assert rough.radius_m == pytest.approx(smooth.radius_m, rel=0.1)
+        assert rough.lost_by_sliding_j > 1.0 > smooth.lost_by_sliding_j == 0.0
+        assert rough.return_ratio < smooth.return_ratio
 
 
 def test_softer_settings_deflect_more_store_more_and_roll_on_a_smaller_arc(section):
     for name, sign in (("deflection_forefoot_mm", -1), ("stored_forefoot_j", -1), ("radius_m", 1),
                        ("effective_foot_length_ratio", 1), ("dorsiflexing_moment_nm", 1)):
-        assert np.all(sign * np.diff([row[name] for row in section.table["iso"]["positions"]]) > 0.0), name
-    forefoot = [row for row in section.table["inclined"] if row["angle_deg"] > 0.0]
-    assert np.all(np.diff([row["stiffness_n_per_mm"] for row in forefoot]) > 0.0)
-    assert np.all(np.diff([row["energy_stored_j"] for row in forefoot]) < 0.0)
+        assert np.all(sign * np.diff([getattr(row, name) for row in section.table.iso.positions]) > 0.0), name
+    forefoot = [row for row in section.table.inclined if row.angle_deg > 0.0]
+    assert np.all(np.diff([row.stiffness_n_per_mm for row in forefoot]) > 0.0)
+    assert np.all(np.diff([row.energy_stored_j for row in forefoot]) < 0.0)
 
 
 def test_fulcrum_has_no_part_at_the_heel(section):
-    heel = [row for row in section.table["inclined"] if row["angle_deg"] < 0.0]
-    assert np.ptp([row["displacement_mm"] for row in heel]) < 1e-3
-    assert all(set(row["zones_loaded"]) <= {"heel_posterior", "heel"} for row in heel)
+    heel = [row for row in section.table.inclined if row.angle_deg < 0.0]
+    assert np.ptp([row.displacement_mm for row in heel]) < 1e-3
+    assert all(set(row.zones_loaded) <= {"heel_posterior", "heel"} for row in heel)
 
 
 def test_energy_balance_of_the_profile_closes(section):
     """What is taken in, less what is given back, is lost or left, to rounding."""
-    for row in section.table["iso"]["positions"]:
-        assert row["energy_in_j"] - row["energy_out_j"] == pytest.approx(row["lost_j"] + row["left_j"], rel=1e-6)
-        assert 0.0 < row["return_ratio"] < 1.0
+    for row in section.table.iso.positions:
+        assert row.energy_in_j - row.energy_out_j == pytest.approx(row.lost_j + row.left_j, rel=1e-6)
+        assert 0.0 < row.return_ratio < 1.0
 
 
 def test_conditions_have_mean_and_count_and_no_sd_of_a_single_walk(section):
-    conditions = section.table["conditions"]
-    assert [row["fulcrum_mm"] for row in conditions] == [66.0, 108.0, 151.0]
-    for row, walk in zip(conditions, section.table["walks"], strict=True):
+    conditions = section.table.conditions
+    assert [row.fulcrum_mm for row in conditions] == [66.0, 108.0, 151.0]
+    for row, walk in zip(conditions, section.table.walks, strict=True):
         for side in ("model", "measured"):
             for name in ("radius_m", "effective_foot_length_ratio", "mean_moment_arm_m"):
-                assert row[side][name] == {"mean": walk[side][name], "sd": None, "count": 1}
-
-
-def test_larger_given_force_deflects_more():
-    foot = embedded_study().model.foot
-    rows = [iso_roll_over(foot, (0.108,), force_n=force, steps=300)[0][0] for force in (500.0, 900.0)]
-    assert rows[1]["deflection_forefoot_mm"] > rows[0]["deflection_forefoot_mm"]
-    assert rows[1]["stored_heel_j"] > rows[0]["stored_heel_j"]
+                own = getattr(row, side)[name]
+                assert (own.mean, own.sd, own.count) == (getattr(getattr(walk, side), name), None, 1)
 
 
 @pytest.mark.parametrize("force", [0.0, -100.0, 1e6, np.nan])
@@ -112,9 +208,109 @@ def test_with_friction_the_grounds_moment_about_the_mount_is_what_the_drive_hold
     assert np.abs(run.mount[:, 1] * run.grf_W[:, 0]).max() > 10.0 * most, "friction has a part in it"
 
 
-def test_same_foot_same_numbers_to_the_last_digit():
-    foot = embedded_study().model.foot
-    once, again = (iso_roll_over(foot, (0.108,), force_n=765.0, steps=300) for _ in range(2))
-    assert plain(once[0]) == plain(again[0])
-    for name, values in once[1].items():
-        np.testing.assert_array_equal(again[1][name], values)
+@pytest.fixture(scope="module")
+def walk():
+    return embedded_study().walks[1]
+
+
+def with_plates(walk, plates):
+    recorded = replace(walk.recorded, plates=plates)
+    return replace(walk, recorded=recorded, comparison=compare(walk.result, recorded.prosthetic_plate))
+
+
+def test_a_plate_that_recorded_the_models_own_load_has_the_models_shape(walk):
+    r = walk.result
+    own = PlateRecording(r.time_s, r.grf_W, r.cop_W, r.free_moment_nm, True)
+    shapes, missing = walked_shapes(with_plates(walk, {**walk.recorded.plates, r.side: own}))
+    assert not missing
+    row = shapes[0].row
+    for name in ("radius_m", "effective_foot_length_ratio", "mean_moment_arm_m"):
+        assert getattr(row.measured, name) == pytest.approx(getattr(row.model, name), rel=1e-9)
+    np.testing.assert_allclose(shapes[0].measured, shapes[0].model, atol=1e-12)
+
+
+def test_the_shape_ends_when_the_other_foot_strikes(walk):
+    shapes, _ = walked_shapes(walk)
+    row = shapes[0].row
+    other = walk.recorded.plates["left" if walk.result.side == "right" else "right"]
+    start = walk.comparison.stances[0].measured
+    struck = other.time_s[(other.force_W[:, 2] > 20.0) & (other.time_s > start.start_s + 0.3)][0]
+    assert row.ends_at == OPPOSITE_STRIKE
+    assert row.end_percent == pytest.approx(100 * (struck - start.start_s) / start.duration_s, abs=0.3)
+    percent = np.arange(101)
+    assert np.isnan(shapes[0].measured[percent > row.end_percent]).all()
+    assert np.isfinite(shapes[0].measured[(percent > 5) & (percent < row.end_percent - 1)]).all()
+
+
+def test_without_the_other_plate_it_ends_at_toe_off_and_says_so(walk):
+    side = walk.result.side
+    shapes, missing = walked_shapes(with_plates(walk, {side: walk.recorded.plates[side]}))
+    assert shapes[0].row.ends_at == TOE_OFF
+    assert shapes[0].row.end_percent == pytest.approx(100.0)
+    assert any("toe-off" in sentence for sentence in missing)
+
+
+def test_without_a_centre_of_pressure_only_the_model_has_a_shape(walk):
+    side = walk.result.side
+    plate = walk.recorded.plates[side]
+    blind = replace(plate, cop_W=np.full_like(plate.cop_W, np.nan), has_cop=False)
+    shapes, missing = walked_shapes(with_plates(walk, {**walk.recorded.plates, side: blind}))
+    assert set(vars(shapes[0].row.measured).values()) == {None}
+    full, _ = walked_shapes(walk)
+    assert shapes[0].row.model == full[0].row.model
+    assert any("no centre of pressure" in sentence for sentence in missing)
+
+
+def test_a_walk_without_a_whole_stance_has_no_shape(walk):
+    cut = replace(walk.comparison, stances=tuple(replace(item, inside=False) for item in walk.comparison.stances))
+    shapes, missing = walked_shapes(replace(walk, comparison=cut))
+    assert not shapes
+    assert walk.label in missing[0]
+
+
+def test_load_runs_under_the_foot_from_heel_to_toe(walk):
+    """In the pylon's frame the centre of pressure stays between the foot's ends and near its sole."""
+    shape = walked_shapes(walk)[0][0]
+    foot = walk.trial.model.foot
+    forward, up = shape.foot_alone[np.isfinite(shape.foot_alone[:, 0])].T
+    heel = shape.row.heel_m  # with the fitted place of the foot
+    assert heel == pytest.approx(foot.heel_x_m - foot.pylon_x_m + walk.trial.offsets.fore_aft_m, abs=2e-3)
+    assert forward.min() > heel
+    assert forward.max() < heel + foot.length_m
+    assert forward[-1] - forward[0] > 0.15
+    assert np.all((up < -0.02) & (up > -foot.build_height_m - 0.01))
+
+
+def test_model_and_virtual_laboratory_agree_on_the_moment_arm():
+    """Two independent models of the same foot: softer settings have the shorter arm in both, within 5 mm."""
+    rows = [walked_shapes(walk)[0][0].row for walk in embedded_study().walks]
+    for side in ("model", "measured"):
+        assert np.all(np.diff([getattr(row, side).mean_moment_arm_m for row in rows]) > 0.0)
+    for row in rows:
+        assert row.model.mean_moment_arm_m == pytest.approx(row.measured.mean_moment_arm_m, abs=5e-3)
+
+
+def test_foot_that_rolls_to_its_very_toe_has_the_effective_length_of_the_foot(walk):
+    """The ratio is of two lengths from one heel: a shape whose front end is the foot's toe gives 1."""
+    heel, foot = walked_shapes(walk)[0][0].row.heel_m, walk.trial.model.foot
+    p_KT = [foot.heel_x_m + foot.length_m, 0.0, sole_height(foot)]
+    offsets = walk.trial.offsets
+    pose = mount_pose(foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m, alignment=offsets.alignment_rad)
+    toe = pose.inverse() @ p_KT  # seen from the unloaded mount
+    found = shape_numbers(np.array([[0.0, -0.1], [toe[0], -0.1]]), heel_m=heel, foot_length_m=foot.length_m)
+    assert found.effective_foot_length_ratio == pytest.approx(np.cos(offsets.alignment_rad), abs=1e-9)
+    assert foot.heel_x_m < 0.0 < foot.heel_x_m + foot.length_m - sum(foot.keel.element_lengths_m)
+
+
+def test_a_free_moment_counts_as_the_two_forces_that_make_it():
+    """Forces of 350 N that push 200 mm apart in opposite directions across: at their middle 700 N and a moment of 8 N m
+    about the vertical, which turns a shank that leans sideways by half a radian forward or back as well."""
+    lean = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(0.5), -np.sin(0.5)], [0.0, np.sin(0.5), np.cos(0.5)]])
+    ankle, middle, apart = np.array([0.0, 0.02, 0.1]), np.array([0.05, 0.0, 0.0]), np.array([0.1, 0.0, 0.0])
+    pair = ((middle + apart, np.array([30.0, 40.0, 350.0])), (middle - apart, np.array([30.0, -40.0, 350.0])))
+    moment = sum(np.cross(place - ankle, force) for place, force in pair)
+    time = np.array([0.0, 0.5, 1.0])
+    shank = Frames(time, np.tile(ankle, (3, 1)), np.tile(lean, (3, 1, 1)))
+    arm = _arm(shank, SimpleNamespace(measured=Stance(0.0, 1.0)), time, np.tile([60.0, 0.0, 700.0], (3, 1)),
+               np.tile(middle, (3, 1)), np.full(3, 8.0))
+    assert arm == pytest.approx(-moment @ lean[:, 1] / 700.0, rel=1e-12)

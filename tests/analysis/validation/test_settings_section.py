@@ -1,27 +1,183 @@
-"""The section on real walks: repeats bit for bit, agrees with linear propagation, and copes with what is missing."""
+"""What is detectable, against closed forms and its own false alarms; the fulcrum found again; settings as walked."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_study import embedded_study
+from made_study import embedded_study, saved_section
 from made_study_walk import with_plate, with_walks
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from vsf_drake.analysis.validation import settings_section as settings
-from vsf_drake.analysis.validation.settings_section import fulcrum_estimates, settings_section
+from vsf_drake.analysis.validation.settings_section import (
+    DESIGNS,
+    ModelError,
+    NoiseVariance,
+    detectable,
+    detectable_error,
+    fulcrum_estimates,
+    model_error,
+    noise_variance,
+    quantile,
+    settings_section,
+    smallest_travel,
+    walked_rows,
+)
 from vsf_drake.analysis.validation.settings_walks import NAMES, NoiseSizes, base_of
-from vsf_drake.analysis.validation.study import KEEP, STEP_S
+from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, KEEP, STEP_S
 from vsf_drake.simulation.many import WalkCase, simulate_many
 
-DESIGNS = ("same_recording", "same_session", "two_sessions")
+SESSION, RECORDING, SLOPE = 0.7, 0.2, 1.5
+
+
+def linear_outcomes(trials: int, draws: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """y(x1) = s + r, y(x2) = SLOPE (s + r) of trials with different means: all variances are known."""
+    random = np.random.default_rng(seed)
+    noise = SESSION * random.standard_normal((trials, draws, 1, 1)) \
+        + RECORDING * random.standard_normal((trials, draws, 2, 1))
+    mean = 10.0 * random.standard_normal((trials, 1, 1, 1))
+    return mean + noise, mean + SLOPE * noise
+
+
+VARIANCES = {
+    "same_recording": (SLOPE - 1.0) ** 2 * (SESSION**2 + RECORDING**2),
+    "same_session": (SLOPE - 1.0) ** 2 * SESSION**2 + (SLOPE**2 + 1.0) * RECORDING**2,
+    "two_sessions": (SLOPE**2 + 1.0) * (SESSION**2 + RECORDING**2)}
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_variance_of_a_difference_is_that_of_the_design(design):
+    found = noise_variance(design, *linear_outcomes(8, 400))
+    assert found.value[0] == pytest.approx(VARIANCES[design], abs=4.0 * found.error[0])
+    assert found.error[0] < 0.05 * found.value[0]
+    assert found.freedom == 8 * 399
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_monte_carlo_error_is_the_scatter_of_repeated_runs(design):
+    runs = [noise_variance(design, *linear_outcomes(4, 20, seed)) for seed in range(200)]
+    scatter = np.std([run.value[0] for run in runs], ddof=1)
+    assert np.mean([run.error[0] for run in runs]) == pytest.approx(scatter, rel=0.25)
+    assert np.mean([run.value[0] for run in runs]) == pytest.approx(VARIANCES[design], abs=4 * scatter / 200**0.5)
+
+
+def test_a_failed_walk_costs_its_own_draw_only():
+    first, second = linear_outcomes(3, 200)
+    whole = noise_variance("two_sessions", first, second).value[0]
+    second[1, 5, 0] = np.nan
+    assert noise_variance("two_sessions", first, second).value[0] == pytest.approx(whole, rel=0.02)
+    gone = noise_variance("two_sessions", np.full_like(first, np.nan), second)
+    assert np.isnan(gone.value[0]) and np.isnan(detectable(gone)[0])
+
+
+def test_bias_cancels_and_spread_counts():
+    errors = np.array([[0.1, 5.1], [0.3, 5.3], [0.2, 5.2], [0.4, np.nan]])
+    found = model_error(errors)
+    assert found.mean == pytest.approx([0.25, 5.2])
+    assert found.sd == pytest.approx([np.std([0.1, 0.2, 0.3, 0.4], ddof=1), 0.1])
+    assert found.count.tolist() == [4, 3]
+
+
+@pytest.mark.parametrize("walks", [0, 1, 2])
+def test_too_few_held_out_walks_leave_the_sum_unknown(walks):
+    found = model_error(np.ones((walks, 2)))
+    assert np.isnan(found.sd).all() and found.count.tolist() == [walks, walks]
+    noise = NoiseVariance(np.ones(2), np.zeros(2), 100.0)
+    assert np.isnan(detectable(noise, found)).all()
+    assert detectable(noise) == pytest.approx([1.984, 1.984], abs=1e-3)  # t tables, 100 degrees of freedom
+
+
+def test_limits_are_students_and_add_as_squares():
+    noise = NoiseVariance(np.array([4.0]), np.array([0.4]), 1e9)
+    model = ModelError(np.zeros(1), np.array([1.0]), np.array([3]))
+    by_noise, by_model = norm.ppf(0.975) * 2.0, 4.3027 * 2.0**0.5  # t tables, 2 degrees of freedom
+    assert detectable(noise, model)[0] == pytest.approx(np.hypot(by_noise, by_model), rel=1e-4)
+    assert detectable(noise)[0] == pytest.approx(by_noise, rel=1e-6)
+    # a tenth more variance is a twentieth more limit
+    assert detectable_error(noise)[0] == pytest.approx(0.05 * by_noise, rel=1e-6)
+    assert np.isnan(quantile(0.0))
+
+
+@pytest.mark.parametrize("walks", [3, 7, 20])
+def test_without_an_effect_at_most_one_in_twenty_is_called_one(walks):
+    random = np.random.default_rng(walks)
+    spread, model_sd, cases = 1.0, 0.8, 20000
+    noise = NoiseVariance(np.array([2.0 * spread**2]), np.zeros(1), 1e6)
+    errors = model_sd * random.standard_normal((walks, cases)) + 3.0
+    limit = detectable(noise, model_error(errors))
+    two = spread * random.standard_normal((2, cases)) + model_sd * random.standard_normal((2, cases)) + 3.0
+    assert np.mean(np.abs(two[1] - two[0]) > limit) < 0.053
+
+
+def test_the_smallest_travel_is_where_the_effect_leaves_the_band_for_good():
+    travel = np.arange(1.0, 11.0)
+    assert smallest_travel(travel, 2.0 * travel, np.full(10, 7.0)) == pytest.approx(3.5)
+    assert smallest_travel(travel, -2.0 * travel, np.full(10, 1.0)) == 1.0
+    assert np.isnan(smallest_travel(travel, 2.0 * travel, np.full(10, 30.0)))
+    assert np.isnan(smallest_travel(travel, 2.0 * travel, np.full(10, np.nan)))
+    hump = np.array([0.0, 3.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+    assert smallest_travel(travel, hump, np.full(10, 1.5)) == pytest.approx(6.5)
+
+
+AT = (66.0, 108.0, 151.0)
+
+
+def bases(measured, simulated, role=HELD_OUT):
+    """A walk for each row of (walks, 3 settings), all outcomes alike."""
+    return [SimpleNamespace(walk=SimpleNamespace(fulcrum_mm=x, role=role),
+                            measured=SimpleNamespace(values=np.full(len(NAMES), measured[i, j])),
+                            simulated=SimpleNamespace(values=np.full(len(NAMES), simulated[i, j])))
+            for j, x in enumerate(AT) for i in range(len(measured))]
+
+
+def ends(found):
+    return next(row for row in found if row.from_mm == AT[0] and row.to_mm == AT[-1])
+
+
+@pytest.mark.parametrize("error", [0.0, 0.1, 1.0, 5.0])
+def test_without_a_difference_of_settings_at_most_one_in_twenty_is_told_apart(error):
+    """However well the model follows each stride: then it tells strides apart, and settings no better."""
+    random = np.random.default_rng(5)
+    told = 0
+    for _ in range(400):
+        measured = random.standard_normal((3, 3))
+        told += ends(walked_rows(bases(measured, measured + error * random.standard_normal((3, 3))))).told_apart
+    assert told <= 0.05 * 400 + 3.0 * np.sqrt(400 * 0.05 * 0.95)
+
+
+def test_half_widths_are_t_times_the_standard_errors_within_settings():
+    random = np.random.default_rng(2)
+    measured, error = random.standard_normal((3, 3)), random.standard_normal((3, 3))
+    row = ends(walked_rows(bases(measured, measured + error)))
+    width = student.ppf(0.975, 6) * np.sqrt(2.0 / 3.0)
+    assert row.error_half_width == pytest.approx(width * np.sqrt(error.var(axis=0, ddof=1).mean()))
+    assert row.stride_half_width == pytest.approx(width * np.sqrt((measured + error).var(axis=0, ddof=1).mean()))
+    assert row.measured == pytest.approx(measured[:, 2].mean() - measured[:, 0].mean())
+
+
+def test_difference_far_beyond_strides_and_error_is_told_apart_unless_the_model_has_its_sign_wrong():
+    random = np.random.default_rng(4)
+    measured = 0.1 * random.standard_normal((3, 3)) + np.array([0.0, 5.0, 10.0])
+    error = 0.1 * random.standard_normal((3, 3))
+    assert all(row.told_apart is True for row in walked_rows(bases(measured, measured + error)))
+    assert all(row.told_apart is False for row in walked_rows(bases(measured, error - measured)))
+
+
+def test_one_walk_a_setting_or_walks_that_the_fit_has_seen_tell_nothing():
+    measured = np.array([[0.0, 5.0, 10.0]])
+    assert all(row.told_apart is None and row.beyond_strides is None
+               for row in walked_rows(bases(measured, measured)))
+    three = np.repeat(measured, 3, axis=0) + 0.1 * np.random.default_rng(1).standard_normal((3, 3))
+    assert all(row.told_apart is None for row in walked_rows(bases(three, three, role=FITTED)))
 
 
 @pytest.fixture(scope="module")
-def table():
-    return settings_section(embedded_study()).table
+def table(quick_validation):
+    return saved_section(quick_validation, "settings").table
 
 
 def walks_of(base, trials, positions=(0.108,)):
@@ -37,48 +193,50 @@ def test_same_seed_gives_the_same_numbers_on_one_worker_and_on_two(monkeypatch):
     monkeypatch.setattr(settings, "QUICK_NOISY_WALKS", 18)
     study = with_walks(embedded_study(), embedded_study().walks[1])
     one, two = (settings_section(with_options(study, workers=workers)) for workers in (1, 2))
-    assert json.dumps(one.table, sort_keys=True) == json.dumps(two.table, sort_keys=True)
+    assert one.table == two.table
     assert np.array_equal(one.arrays["effects"], two.arrays["effects"])
-    other = settings_section(with_options(study, seed=1)).table["outcomes"][0]
-    assert other["effect"] == one.table["outcomes"][0]["effect"]
-    assert other["noise_sdd_two_sessions"] != one.table["outcomes"][0]["noise_sdd_two_sessions"]
+    other = settings_section(with_options(study, seed=1)).table.outcomes[0]
+    assert other.effect == one.table.outcomes[0].effect
+    assert other.limits["noise_sdd_two_sessions"] != one.table.outcomes[0].limits["noise_sdd_two_sessions"]
 
 
-def test_the_section_is_plain_and_counts_its_walks(table):
-    assert json.loads(json.dumps(table, allow_nan=False)) == table
-    assert table["walks"] == 3 * 3 * (1 + 2 * table["draws"]) and table["failed_walks"] == 0
-    assert [row["name"] for row in table["outcomes"]] == list(NAMES)
-    assert len(table["pairs"]) == 3 * len(NAMES) and table["held_out_trials"] == 3
-    assert table["answer"].startswith("With the same motion")
+def test_the_section_counts_its_walks_and_answers_of_noise_alone_where_the_model_s_error_is_not_known(table):
+    assert table.walks == 3 * 3 * (1 + 2 * table.draws) and table.failed_walks == 0
+    assert [row.name for row in table.outcomes] == list(NAMES)
+    assert len(table.pairs) == 3 * len(NAMES) and table.held_out_trials == 3
+    assert table.answer.startswith("With the same motion") and "as far as noise" not in table.answer
+    unknown = [dataclasses.replace(row, limits={**row.limits, "sdd_same_recording": None}) for row in table.outcomes]
+    words = settings.answer(table.positions_mm, unknown, table.pairs, table.as_walked)
+    assert words.startswith("With the same motion, as far as noise alone goes, ")
 
 
 def test_more_that_differs_between_two_walks_makes_more_noise(table):
-    for row in table["outcomes"]:
-        limits = [row[f"noise_sdd_{design}"] for design in DESIGNS]
+    for row in table.outcomes:
+        limits = [row.limits[f"noise_sdd_{design}"] for design in DESIGNS]
         assert limits[0] < 1.05 * limits[1] < limits[2]
-        if row["sdd_same_recording"] is not None:
-            assert all(row[f"sdd_{d}"] >= row[f"noise_sdd_{d}"] for d in DESIGNS)
+        if row.limits["sdd_same_recording"] is not None:
+            assert all(row.limits[f"sdd_{d}"] >= row.limits[f"noise_sdd_{d}"] for d in DESIGNS)
 
 
 def test_a_stiffer_setting_carries_more_under_the_same_motion(table):
-    rows = {row["name"]: row for row in table["outcomes"]}
-    assert rows["vertical_second_bw"]["effect_ends"] > 0.3
-    assert rows["cop_mid_stance_fl"]["effect_ends"] > 0.05
-    assert table["stiffness_n_per_mm"] == sorted(table["stiffness_n_per_mm"])
+    rows = {row.name: row for row in table.outcomes}
+    assert rows["vertical_second_bw"].effect_ends > 0.3
+    assert rows["cop_mid_stance_fl"].effect_ends > 0.05
+    assert [*table.stiffness_n_per_mm] == sorted(table.stiffness_n_per_mm)
 
 
-def test_energy_has_no_plate_and_is_judged_by_noise_alone(table):
-    for row in table["outcomes"][-2:]:
-        assert row["unit"] == "J" and row["model_error_sd"] is None and row["sdd_two_sessions"] is None
-        assert row["noise_sdd_two_sessions"] > 0.0
+    for row in table.outcomes[-2:]:  # energy has no plate
+        assert row.unit == "J" and row.model_error_sd is None and row.limits["sdd_two_sessions"] is None
+        assert row.limits["noise_sdd_two_sessions"] > 0.0
 
 
 def test_a_difference_is_told_apart_if_it_exceeds_the_limit(table):
-    for row in table["pairs"]:
+    for row in table.pairs:
         for design in DESIGNS:
-            assert row[f"noise_told_apart_{design}"] == (abs(row["effect"]) > row[f"noise_sdd_{design}"])
+            assert row.limits[f"noise_told_apart_{design}"] == (abs(row.effect) > row.limits[f"noise_sdd_{design}"])
 
 
+@pytest.mark.slow
 def test_monte_carlo_agrees_with_linear_propagation_of_each_error():
     base = base_of(embedded_study().walks[1], NoiseSizes(session_deg=0.0, session_smooth_deg=0.0))
     noise, size = base.noise, base.noise.sizes
@@ -120,12 +278,12 @@ def test_one_trial_without_contact_fit_still_says_what_noise_allows(monkeypatch)
     monkeypatch.setattr(settings, "QUICK_NOISY_WALKS", 24)
     study = embedded_study(with_contact=False)
     section = settings_section(with_walks(study, study.walks[0]))
-    assert all(row["sdd_same_session"] is None and row["noise_sdd_same_session"] > 0.0
-               for row in section.table["outcomes"])
-    assert section.table["as_walked"] == [] and section.table["fulcrum_estimate_sd_mm"] is None
+    assert all(row.limits["sdd_same_session"] is None and row.limits["noise_sdd_same_session"] > 0.0
+               for row in section.table.outcomes)
+    assert section.table.as_walked == () and section.table.fulcrum_estimate_sd_mm is None
     said = " ".join(section.missing)
     assert "offsets of every walk" in said and "one setting" in said and "between the ends" in said
-    assert "model's error is not known" in section.table["answer"]
+    assert "model's error is not known" in section.table.answer
 
 
 def test_plates_without_centre_of_pressure_leave_its_error_unknown(monkeypatch):
@@ -134,9 +292,10 @@ def test_plates_without_centre_of_pressure_leave_its_error_unknown(monkeypatch):
     blind = [with_plate(walk, has_cop=False, cop_W=np.full_like(walk.recorded.prosthetic_plate.cop_W, np.nan))
              for walk in study.walks]
     section = settings_section(with_walks(study, *blind))
-    rows = {row["name"]: row for row in section.table["outcomes"]}
-    assert rows["cop_mid_stance_fl"]["sdd_same_session"] is None and rows["cop_mid_stance_fl"]["model_error_n"] == 0
-    assert rows["resultant_first_bw"]["sdd_same_session"] > 0.0
+    rows = {row.name: row for row in section.table.outcomes}
+    assert rows["cop_mid_stance_fl"].limits["sdd_same_session"] is None
+    assert rows["cop_mid_stance_fl"].model_error_n == 0
+    assert rows["resultant_first_bw"].limits["sdd_same_session"] > 0.0
     assert any("centre of pressure" in sentence for sentence in section.missing)
 
 
@@ -145,4 +304,4 @@ def test_a_stance_that_no_plate_shows_as_a_whole_is_named(monkeypatch):
     walk = study.walks[0]
     silent = dataclasses.replace(walk, comparison=dataclasses.replace(walk.comparison, stances=()))
     section = settings_section(with_walks(study, silent))
-    assert section.table["outcomes"] == [] and walk.label in section.missing[0]
+    assert section.table.outcomes == () and walk.label in section.missing[0]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import isotonic_regression
@@ -16,6 +16,7 @@ from scipy.stats import t as student
 
 from vsf_drake.analysis.bench_metrics import mid_range_displacement, published_stiffness, stiffness
 from vsf_drake.analysis.comparison import r_squared, rmse
+from vsf_drake.analysis.validation.study import finite
 from vsf_drake.bench_curves import (
     STIFFNESS_ABOVE_N,
     BenchCurves,
@@ -24,6 +25,7 @@ from vsf_drake.bench_curves import (
     load_bench_file,
 )
 from vsf_drake.errors import InputError
+from vsf_drake.files import flat
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, STEPS_PER_MM, Bench
 
@@ -39,7 +41,82 @@ LEVEL = 0.95
 
 Curve = tuple[np.ndarray, np.ndarray]
 """(n,) displacement (mm) and load (N) from (0, 0), rising."""
-Row = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """How straight a rising curve from (0, 0) to beyond 200 N is; see `shape`."""
+
+    line_r2: float  # share of the load's variance that a straight line explains, over the whole travel
+    line_r2_above: float  # and over that above 200 N
+    curvature_share: float  # largest distance of the curve from its chord, along the displacement, over the travel
+    first_slope_ratio: float  # slope up to 50 N over that above 200 N
+    toe: float  # displacement by which the curve up to 200 N exceeds the line with the slope above it, through no load
+    toe_share: float  # of the travel; positive where the foot stiffens
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurveValues:
+    """One rising curve; stiffness and shape are None without 250 N."""
+
+    stiffness_n_per_mm: float | None  # mean slope above 200 N
+    mid_range_mm: float  # at half of the largest load
+    max_displacement_mm: float
+    stored_j: float
+    shape: Shape | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredValues(CurveValues):
+    """The mean over the passes at a setting; half of the 95 % confidence intervals, None for one pass."""
+
+    stiffness_n_per_mm_half_width: float | None
+    mid_range_mm_half_width: float | None
+    stored_j_half_width: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparedValues(CurveValues):
+    """A model where there is a measured curve: by what it differs."""
+
+    stiffness_error_n_per_mm: float | None
+    mid_range_offset_mm: float
+    stored_error_j: float
+    curve_rmse_mm: float  # at equal loads
+    curve_rmse_n: float  # at equal displacements
+
+
+ModelValues = ComparedValues | CurveValues
+"""Of a model, with and without a measured curve."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettingRow:
+    """One position of the fulcrum (mm from A; None for the heel): what was measured, and what each model does."""
+
+    fulcrum_mm: float | None
+    max_load_n: float
+    repeats: int
+    published_n_per_mm: float | None
+    measured: MeasuredValues | None
+    lines: Mapping[str, ModelValues | None] = flat()  # by the models' keys; None where one was not pressed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statistics:
+    """Agreement of a model with the measured curves over the forefoot's settings that both have a stiffness at."""
+
+    n: int
+    stiffness_r2: float | None
+    stiffness_correlation2: float | None
+    stiffness_rmse_n_per_mm: float
+    stiffness_bias_n_per_mm: float
+    stiffness_bias_half_width_n_per_mm: float | None
+    mid_range_rmse_mm: float
+    mid_range_bias_mm: float
+    mid_range_bias_half_width_mm: float | None
+    curve_rmse_mm: float
+    curve_rmse_n: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +133,17 @@ class Setting:
         return where_of(self.fulcrum_m)
 
     @property
+    def fulcrum_mm(self) -> float | None:
+        """Its position as tables have it."""
+        return None if self.fulcrum_m is None else round(1e3 * self.fulcrum_m, 6)
+
+    @property
+    def published_n_per_mm(self) -> float | None:
+        """The published stiffness there."""
+        published = published_stiffness(self.fulcrum_m)
+        return None if published is None else 1e-3 * published
+
+    @property
     def curve(self) -> Curve | None:
         """The measured curve: the only pass, or the mean displacement of all at equal loads; None without one."""
         if len(self.passes) < 2:
@@ -68,20 +156,17 @@ class Setting:
         """Whether its measured stiffness can be compared."""
         return bool(self.passes) and self.load_n >= LEAST_LOAD_N
 
-    def row(self) -> Row:
-        """What is known of it without a model."""
-        published, measured = published_stiffness(self.fulcrum_m), None
-        if self.curve is not None:
-            values = [described(one, self.where) for one in self.passes]
-            measured = described(self.curve, self.where)
-            for key in ("stiffness_n_per_mm", "mid_range_mm", "stored_j"):
-                measured |= {key: None, f"{key}_half_width": None}
-                if values[0][key] is not None:
-                    mean, half = mean_and_half_width(np.array([value[key] for value in values]))
-                    measured |= {key: float(mean), f"{key}_half_width": float(half) if math.isfinite(half) else None}
-        return {"fulcrum_mm": None if self.fulcrum_m is None else round(1e3 * self.fulcrum_m, 6),
-                "max_load_n": self.load_n, "repeats": len(self.passes),
-                "published_n_per_mm": None if published is None else 1e-3 * published, "measured": measured}
+    def measured(self) -> MeasuredValues | None:
+        """What the machine measured; None without a pass."""
+        if self.curve is None:
+            return None
+        passes = [curve_values(one, self.where) for one in self.passes]
+        values = dict(vars(curve_values(self.curve, self.where)))
+        for key in ("stiffness_n_per_mm", "mid_range_mm", "stored_j"):
+            each = [getattr(one, key) for one in passes]
+            mean, half = (np.nan, np.nan) if None in each else map(float, mean_and_half_width(np.array(each)))
+            values |= {key: finite(mean), f"{key}_half_width": finite(half)}
+        return MeasuredValues(**values)
 
 
 def where_of(fulcrum_m: float | None) -> str:
@@ -91,63 +176,60 @@ def where_of(fulcrum_m: float | None) -> str:
 
 def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[Setting]:
     """The measured settings, or `fulcrums_m` where none was measured, and the heel in any case, last."""
-    found: dict[float | None, list[Curve]] = {}
+    measured: dict[float | None, list[Curve]] = {}
     for curve in bench.curves if bench is not None else ():
-        found.setdefault(curve.fulcrum_m, []).append(rising(1e3 * curve.displacement_m, curve.load_n))
+        measured.setdefault(curve.fulcrum_m, []).append(rising(1e3 * curve.displacement_m, curve.load_n))
     settings = []
-    for position in [*(sorted(x for x in found if x is not None) or fulcrums_m), None]:
-        passes = found.get(position, [])
+    for position in [*(sorted(x for x in measured if x is not None) or fulcrums_m), None]:
+        passes = measured.get(position, [])
         largest = min([MOST_LOAD_N, *(float(load[-1]) for _, load in passes)]) if passes else LOAD_N
         settings.append(Setting(fulcrum_m=position, load_n=largest,
                                 passes=tuple(up_to(*one, largest) for one in passes)))
     return settings
 
 
-def described(curve: Curve, where: str) -> Row:
-    """Stiffness, mid-range displacement, stored energy and shape of one rising curve; None without 250 N."""
+def curve_values(curve: Curve, where: str) -> CurveValues:
+    """Stiffness, mid-range displacement, stored energy and shape of one rising curve; `where` is for messages."""
     x, load = curve
     enough = load[-1] >= LEAST_LOAD_N * (1.0 - 1e-9)
-    return {"stiffness_n_per_mm": 1e-3 * stiffness(1e-3 * x, load, where=where) if enough else None,
-            "mid_range_mm": 1e3 * mid_range_displacement(1e-3 * x, load, where=where),
-            "max_displacement_mm": float(x[-1]), "stored_j": 1e-3 * float(np.trapezoid(load, x)),
-            "shape": shape(x, load) if enough else None}
+    return CurveValues(
+        stiffness_n_per_mm=1e-3 * stiffness(1e-3 * x, load, where=where) if enough else None,
+        mid_range_mm=1e3 * mid_range_displacement(1e-3 * x, load, where=where), max_displacement_mm=float(x[-1]),
+        stored_j=1e-3 * float(np.trapezoid(load, x)), shape=shape(x, load) if enough else None)
 
 
-def compared(setting: Setting, measured: Row | None, curve: Curve) -> Row:
+def compared(setting: Setting, measured: MeasuredValues | None, curve: Curve) -> ModelValues:
     """A model's values at one setting, and by what they differ from the measured ones."""
-    own = described(curve, setting.where)
+    own = curve_values(curve, setting.where)
     if measured is None or setting.curve is None:
         return own
-    errors = curve_errors(*curve, *setting.curve)
-    k, k_measured = own["stiffness_n_per_mm"], measured["stiffness_n_per_mm"]
-    return own | {
-        "stiffness_error_n_per_mm": None if k is None or k_measured is None else k - k_measured,
-        "mid_range_offset_mm": own["mid_range_mm"] - measured["mid_range_mm"],
-        "stored_error_j": own["stored_j"] - measured["stored_j"],
-        "curve_rmse_mm": errors["displacement"], "curve_rmse_n": errors["load"]}
+    errors, k, k_measured = curve_errors(*curve, *setting.curve), own.stiffness_n_per_mm, measured.stiffness_n_per_mm
+    return ComparedValues(
+        **vars(own), stiffness_error_n_per_mm=None if k is None or k_measured is None else k - k_measured,
+        mid_range_offset_mm=own.mid_range_mm - measured.mid_range_mm, stored_error_j=own.stored_j - measured.stored_j,
+        curve_rmse_mm=errors["displacement"], curve_rmse_n=errors["load"])
 
 
-def judged_pairs(rows: Sequence[Row], line: str) -> list[tuple[Row, Row]]:
+def judged_pairs(rows: Sequence[SettingRow], line: str) -> list[tuple[ComparedValues, MeasuredValues]]:
     """A line's values and the measured ones at the forefoot's settings where both have a stiffness."""
-    pairs = [(row[line], row["measured"]) for row in rows
-             if row["fulcrum_mm"] is not None and row[line] is not None and row["measured"] is not None]
-    return [pair for pair in pairs if all(values["stiffness_n_per_mm"] is not None for values in pair)]
+    return [(own, row.measured) for row in rows if row.fulcrum_mm is not None
+            and isinstance(own := row.lines[line], ComparedValues) and own.stiffness_n_per_mm is not None
+            and row.measured is not None and row.measured.stiffness_n_per_mm is not None]
 
 
-def statistics(rows: Sequence[Row], line: str) -> Row | None:
+def statistics(rows: Sequence[SettingRow], line: str) -> Statistics | None:
     """Agreement of a line over the forefoot's judged settings; None where there is none."""
     pairs = judged_pairs(rows, line)
     if not pairs:
         return None
-    k, mid = (agreement(*np.array([[values[key] for values in pair] for pair in pairs]).T)
+    k, mid = (agreement(*np.array([[getattr(values, key) for values in pair] for pair in pairs]).T)
               for key in ("stiffness_n_per_mm", "mid_range_mm"))
-    return {
-        "n": k["n"], "stiffness_r2": k["r2"], "stiffness_correlation2": k["correlation2"],
-        "stiffness_rmse_n_per_mm": k["rmse"], "stiffness_bias_n_per_mm": k["bias"],
-        "stiffness_bias_half_width_n_per_mm": k["bias_half_width"], "mid_range_rmse_mm": mid["rmse"],
-        "mid_range_bias_mm": mid["bias"], "mid_range_bias_half_width_mm": mid["bias_half_width"],
-        **{key: float(np.sqrt(np.mean([own[key] ** 2 for own, _ in pairs])))
-           for key in ("curve_rmse_mm", "curve_rmse_n")}}
+    return Statistics(
+        n=k.n, stiffness_r2=k.r2, stiffness_correlation2=k.correlation2, stiffness_rmse_n_per_mm=k.rmse,
+        stiffness_bias_n_per_mm=k.bias, stiffness_bias_half_width_n_per_mm=k.bias_half_width,
+        mid_range_rmse_mm=mid.rmse, mid_range_bias_mm=mid.bias, mid_range_bias_half_width_mm=mid.bias_half_width,
+        curve_rmse_mm=float(np.sqrt(np.mean([own.curve_rmse_mm**2 for own, _ in pairs]))),
+        curve_rmse_n=float(np.sqrt(np.mean([own.curve_rmse_n**2 for own, _ in pairs]))))
 
 
 def curve_arrays(settings: Sequence[Setting], by_line: dict[str, list[Curve | None]]) -> dict[str, np.ndarray]:
@@ -247,23 +329,17 @@ WINDOW_N = 20.0
 """To both sides of a load, over which the slope there is taken."""
 
 
-def shape(x: np.ndarray, load: np.ndarray) -> dict[str, float]:
-    """Of a rising curve from (0, 0) to beyond 200 N.
-
-    line_r2 and line_r2_above: share of the load's variance that a straight line explains, over the whole travel and
-    over that above 200 N; curvature_share: largest distance of the curve from its chord, along the displacement, over
-    the whole travel; first_slope_ratio: slope up to 50 N over that above 200 N; toe and toe_share: displacement, and
-    share of the travel, by which the curve up to 200 N exceeds the straight line with the slope above it through zero
-    load, positive where the foot stiffens.
-    """
-    end = float(load[-1])
+def shape(x: np.ndarray, load: np.ndarray) -> Shape:
+    """Of a rising curve from (0, 0) to beyond 200 N."""
+    end, travel = float(load[-1]), float(x[-1])
     at_above, at_toe = at_loads(x, load, np.array([STIFFNESS_ABOVE_N, TOE_N]))
-    k = (end - STIFFNESS_ABOVE_N) / (x[-1] - at_above)
-    chord = x - load * x[-1] / end
+    k = (end - STIFFNESS_ABOVE_N) / (travel - at_above)
+    from_chord = x - load * travel / end
+    # the line of slope k through (x(200 N), 200 N) meets the axis of displacement at the toe
     toe = float(at_above - STIFFNESS_ABOVE_N / k)
-    return {"line_r2": _line_r2(x, load, 0.0), "line_r2_above": _line_r2(x, load, float(at_above)),
-            "curvature_share": float(np.max(np.abs(chord)) / x[-1]), "first_slope_ratio": float(TOE_N / at_toe / k),
-            "toe": toe, "toe_share": toe / float(x[-1])}
+    return Shape(line_r2=_line_r2(x, load, 0.0), line_r2_above=_line_r2(x, load, float(at_above)),
+                 curvature_share=float(np.max(np.abs(from_chord)) / travel),
+                 first_slope_ratio=float(TOE_N / at_toe / k), toe=toe, toe_share=toe / travel)
 
 
 def tangent(x: np.ndarray, load: np.ndarray, loads: np.ndarray) -> np.ndarray:
@@ -305,8 +381,7 @@ def up_to(x: np.ndarray, load: np.ndarray, largest: float) -> Curve:
 def at_loads(x: np.ndarray, load: np.ndarray, loads: np.ndarray) -> np.ndarray:
     """Displacement at which a rising curve first bears each of `loads`; NaN beyond its largest."""
     steps = np.concatenate(([True], np.diff(load) > 0.0))
-    found: np.ndarray = np.interp(loads, load[steps], x[steps], right=math.nan)
-    return found
+    return np.asarray(np.interp(loads, load[steps], x[steps], right=math.nan))
 
 
 def curve_errors(x: np.ndarray, load: np.ndarray, x_other: np.ndarray, load_other: np.ndarray) -> dict[str, float]:
@@ -328,35 +403,58 @@ def mean_and_half_width(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return mean, student.ppf(0.5 + 0.5 * LEVEL, count - 1) * values.std(axis=0, ddof=1) / math.sqrt(count)
 
 
-def agreement(model: np.ndarray, measured: np.ndarray) -> dict[str, float | None]:
-    """Of one number a setting, (n,) both, n > 0: n; r2, the coefficient of determination 1 - SSE / SST; correlation2,
-    the square of Pearson's correlation, which forgives a wrong scale and offset; rmse; bias, the mean of model less
-    measured, with the half-width of its 95 % confidence interval (Student's t). None where n is too small for it."""
+class ErrorStatistics(NamedTuple):
+    """Of one number a setting, model against measurement; None where there are too few."""
+
+    n: int
+    r2: float | None  # the coefficient of determination 1 - SSE / SST
+    correlation2: float | None  # the square of Pearson's correlation, which forgives a wrong scale and offset
+    rmse: float
+    bias: float  # mean of model less measured
+    bias_half_width: float | None  # of its 95 % confidence interval (Student's t)
+
+
+def agreement(model: np.ndarray, measured: np.ndarray) -> ErrorStatistics:
+    """Of (n,) values both, n > 0."""
     count = len(model)
     varied = count > 1 and np.ptp(measured) > 0.0 and np.ptp(model) > 0.0
     bias, half = mean_and_half_width(model - measured)
-    return {
-        "n": count, "r2": r_squared(model, measured) if varied else None,
-        "correlation2": float(np.corrcoef(model, measured)[0, 1] ** 2) if varied and count > 2 else None,
-        "rmse": rmse(model, measured), "bias": float(bias), "bias_half_width": float(half) if count > 1 else None}
+    return ErrorStatistics(
+        count, r_squared(model, measured) if varied else None,
+        float(np.corrcoef(model, measured)[0, 1] ** 2) if varied and count > 2 else None,
+        rmse(model, measured), float(bias), float(half) if count > 1 else None)
 
 
-def regression(measured: np.ndarray, simulated: np.ndarray, at: np.ndarray) -> dict[str, Any] | None:
-    """Straight line of the simulated on the measured values by least squares, with its 95 % confidence band.
+@dataclass(frozen=True, kw_only=True)
+class Regression:
+    """Straight line of the simulated on the measured values by least squares; half-widths of 95 % intervals."""
 
-    The band is that of the mean response, t(n - 2) s sqrt(1 / n + (x - mean)^2 / Sxx) to both sides of the line: (m,)
-    `line`, `low` and `high` at the measured values `at`. None for fewer than three points or measured values that do
-    not differ.
+    n: int
+    slope: float
+    slope_half_width: float
+    intercept: float
+    intercept_half_width: float
+
+
+def regression(
+    measured: np.ndarray, simulated: np.ndarray, at: np.ndarray
+) -> tuple[Regression, dict[str, np.ndarray]] | None:
+    """The line, and (m,) `line`, `low` and `high` of it with its 95 % confidence band at the measured values `at`.
+
+    The band is that of the mean response, t(n - 2) s sqrt(1 / n + (x - mean)^2 / Sxx) to both sides of the line. None
+    for fewer than three points or measured values that do not differ.
     """
     count = len(measured)
     if count < 3 or np.ptp(measured) == 0.0:
         return None
     fit, quantile = linregress(measured, simulated), float(student.ppf(0.5 + 0.5 * LEVEL, count - 2))
     line = fit.intercept + fit.slope * at
-    in_middle = fit.stderr * np.std(measured)  # s / sqrt(n)
+    # the standard error of the slope is s / sqrt(Sxx), and Sxx = n var: in the middle of the data s / sqrt(n) is left
+    in_middle = fit.stderr * np.std(measured)
     half = quantile * np.hypot(in_middle, fit.stderr * (at - np.mean(measured)))
-    return {"n": count, "slope": float(fit.slope), "slope_half_width": quantile * float(fit.stderr),
-            "intercept": float(fit.intercept), "intercept_half_width": quantile * float(fit.intercept_stderr),
+    return Regression(
+        n=count, slope=float(fit.slope), slope_half_width=quantile * float(fit.stderr), intercept=float(fit.intercept),
+        intercept_half_width=quantile * float(fit.intercept_stderr)), {
             "line": line, "low": line - half, "high": line + half}
 
 
@@ -386,18 +484,19 @@ def load_measured_bench(path: str | Path) -> BenchMeasurement:
             raise InputError(f"is pressed to {setting.load_n:.4g} N, too little for a stiffness above "
                              f"{STIFFNESS_ABOVE_N:g} N", file=path, where=f"{setting.where}, column load",
                              right="Press further, or leave this setting out of the file")
-    load, told = min(setting.load_n for setting in settings), dict[float | None, tuple[float, float]]()
+    load, at_setting = min(setting.load_n for setting in settings), dict[float | None, tuple[float, float]]()
     for setting in settings:
         cut = dataclasses.replace(setting, load_n=load, passes=tuple(up_to(*one, load) for one in setting.passes))
         try:
-            measured = cut.row()["measured"]
+            measured = cut.measured()
         except InputError as error:
             raise InputError(error.what, file=path, where=setting.where, right=error.right) from None
-        told[setting.fulcrum_m] = 1e3 * measured["stiffness_n_per_mm"], 1e-3 * measured["mid_range_mm"]
-    heel = told.pop(None, (None, None))
+        assert measured is not None and measured.stiffness_n_per_mm is not None  # it has passes, and is judged
+        at_setting[setting.fulcrum_m] = 1e3 * measured.stiffness_n_per_mm, 1e-3 * measured.mid_range_mm
+    heel = at_setting.pop(None, (None, None))
     return BenchMeasurement(
-        name=curves.name, synthetic=curves.synthetic, fulcrum_m=tuple(told),  # type: ignore[arg-type]
-        stiffness_n_per_m=tuple(stiffness for stiffness, _ in told.values()), heel_stiffness_n_per_m=heel[0],
+        name=curves.name, synthetic=curves.synthetic, fulcrum_m=tuple(x for x in at_setting if x is not None),
+        stiffness_n_per_m=tuple(stiffness for stiffness, _ in at_setting.values()), heel_stiffness_n_per_m=heel[0],
         uncertainty_n_per_m=curves.stiffness_sd_n_per_m, max_load_n=load,
-        mid_range_m=tuple(displacement for _, displacement in told.values()), heel_mid_range_m=heel[1],
+        mid_range_m=tuple(displacement for _, displacement in at_setting.values()), heel_mid_range_m=heel[1],
         mid_range_uncertainty_m=curves.displacement_sd_m)

@@ -18,13 +18,14 @@ the body at W's origin), (moment about W's origin, force).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from vsf_drake.analysis.comparison import cumulative_integral
+from vsf_drake.analysis.validation.study import finite
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.motion.events import Stance, find_stances
@@ -119,7 +120,8 @@ def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
 def _keel_load(walk: Walk, walker: Walker, motion: SegmentMotion) -> np.ndarray:
     """Force of the ground on the keel's spheres across the undeformed keel, and its lever about A along it."""
     sites, foot = walk.record, walker.gait.person.foot
-    on_keel = np.flatnonzero(np.isin(foot.sites.body_indices, [int(body.index()) for body in foot.keel]))
+    keel = {int(body.index()) for body in foot.keel}
+    on_keel = np.flatnonzero([int(body) in keel for body in foot.sites.body_indices])
     force = np.stack([sites.site(name)[:, on_keel] for name in ("friction_x", "friction_y", "normal_force")], axis=2)
     point = np.stack([sites.site("x")[:, on_keel], sites.site("y")[:, on_keel],
                       walk.mechanism.ground_height - sites.site("depth")[:, on_keel]], axis=2)
@@ -245,12 +247,69 @@ _PHASES = {"loading": (0.0, 0.15), "middle": (0.15, 0.75), "push_off": (0.75, 1.
 """Shares of stance by which the remainder is looked at (a choice)."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class StanceNumbers:
+    """One stance; shares are of the stored energy, None where nothing was stored."""
+
+    fulcrum_mm: float
+    start_s: float
+    end_s: float
+    step_s: float
+    stored_j: float
+    stored_at_percent: float  # of stance: where the strain is largest
+    keel_stored_j: float  # largest strain of the keel alone
+    keel_at_most_j: float  # of what is stored, when it is largest
+    foam_at_most_j: float
+    fulcrum_at_most_j: float
+    released_j: float
+    returned_j: float
+    return_ratio: float | None
+    absorbed_j: float  # put into the foot up to the largest strain
+    efficiency: float | None  # returned over absorbed
+    lost_j: float  # by the foot
+    lost_before_j: float  # the largest strain
+    lost_after_j: float
+    limb_work_j: float  # from here on TERMS at toe-off
+    keel_strain_j: float
+    foam_strain_j: float
+    fulcrum_strain_j: float
+    bushing_strain_j: float
+    kinetic_j: float
+    gravity_j: float
+    keel_loss_j: float
+    foam_loss_j: float
+    friction_loss_j: float
+    fulcrum_loss_j: float
+    bushing_loss_j: float
+    remainder_j: float
+    remainder_max_j: float  # at any instant
+    remainder_share: float | None
+    remainder_by_phase_j: Mapping[str, float]
+    socket_work_j: float
+    balance_work_j: float  # the limb's work without the bushing's law
+    balance_share: float | None  # by what it is off from the ledger's at most
+    distal_work_j: float  # of the distal segment power, of the pylon
+    distal_absorbed_j: float
+    distal_returned_j: float
+    distal_peak_w: float
+    distal_lowest_w: float
+    shank_distal_work_j: float
+    shank_distal_peak_w: float
+    distal_share: float | None  # by what it is off from strain and losses of the foot at most
+    late_load_n: float  # largest vertical force in the second half of stance
+    late_load_at_percent: float
+    keel_load_n: float  # across the keel at the largest strain, and where it acts
+    keel_load_point_mm: float | None
+    beam_j: float | None  # F²/2k of the closed form there
+    bent_at_most_j: float  # keel and support when most is stored
+
+
 @dataclass(frozen=True, eq=False)
 class StanceEnergy:
     """Numbers of one stance, and curves on PERCENT: `terms_j` (len(TERMS), 201) from touch-down on, and
     `pylon_power_w`, `shank_power_w` (200,)."""
 
-    row: dict[str, Any]
+    row: StanceNumbers
     curves: dict[str, np.ndarray]
 
 
@@ -266,6 +325,8 @@ def stance_energy(energy: ProsthesisEnergy, stance: Stance, *, foot: FootParamet
     balance = energy.balance_work[cut] - energy.balance_work[first]
     remainder = terms[REMAINDER]
     missed = float(np.abs(remainder).max())
+
+    # stored at its largest; returned = released since then, less what was lost on the way
     top = int(strain.argmax())
     stored, released = float(strain[top]), float(strain[top] - strain[-1])
     returned = released - float(lost[-1] - lost[top])
@@ -280,30 +341,26 @@ def stance_energy(energy: ProsthesisEnergy, stance: Stance, *, foot: FootParamet
     half = int(_LATE * len(time))
     late = energy.vertical_n[cut][half:]
     load, lever = energy.keel_load[cut][top]
-    row: dict[str, Any] = {
-        "fulcrum_mm": round(1e3 * fulcrum_m, 6), "start_s": stance.start_s, "end_s": stance.end_s, "step_s": step,
-        "stored_j": stored, "stored_at_percent": 100.0 * top / last,
-        "keel_stored_j": float(terms["keel_strain"].max()),
-        **{f"{name.removesuffix('_strain')}_at_most_j": float(terms[name][top]) for name in FOOT_STRAINS},
-        "released_j": released, "returned_j": returned, "return_ratio": share(returned),
-        "absorbed_j": absorbed, "efficiency": share(returned, absorbed), "lost_j": float(lost[-1]),
-        "lost_before_j": float(lost[top]), "lost_after_j": float(lost[-1] - lost[top]),
-        **{f"{name}_j": float(terms[name][-1]) for name in TERMS},
-        "remainder_max_j": missed, "remainder_share": share(missed),
-        "remainder_by_phase_j": {name: float(remainder[round(end * last)] - remainder[round(start * last)])
-                                 for name, (start, end) in _PHASES.items()},
-        "socket_work_j": float(energy.socket_work[cut][-1] - energy.socket_work[first]),
-        "balance_work_j": float(balance[-1]), "balance_share": share(float(np.abs(balance - terms[INPUT]).max())),
-        "distal_work_j": float(pylon[-1]), "distal_absorbed_j": -float(pylon[top]),
-        "distal_returned_j": float(pylon[-1] - pylon[top]),
-        "distal_peak_w": float(pylon_w.max()), "distal_lowest_w": float(pylon_w.min()),
-        "shank_distal_work_j": float(shank[-1]), "shank_distal_peak_w": float(shank_w.max()),
-        "distal_share": share(float(np.abs(pylon + strain + lost).max())),
-        "late_load_n": float(late.max()), "late_load_at_percent": 100.0 * (half + int(late.argmax())) / last,
-        "keel_load_n": float(load), "keel_load_point_mm": float(1e3 * lever) if np.isfinite(lever) else None,
-        "beam_j": _beam_energy(foot, fulcrum_m, float(load), float(lever)),
-    }
-    row["bent_at_most_j"] = row["keel_at_most_j"] + row["fulcrum_at_most_j"]
+    at_most = {f"{name.removesuffix('_strain')}_at_most_j": float(terms[name][top]) for name in FOOT_STRAINS}
+    row = StanceNumbers(
+        fulcrum_mm=round(1e3 * fulcrum_m, 6), start_s=stance.start_s, end_s=stance.end_s, step_s=step,
+        stored_j=stored, stored_at_percent=100.0 * top / last, keel_stored_j=float(terms["keel_strain"].max()),
+        **at_most, bent_at_most_j=at_most["keel_at_most_j"] + at_most["fulcrum_at_most_j"],
+        released_j=released, returned_j=returned, return_ratio=share(returned), absorbed_j=absorbed,
+        efficiency=share(returned, absorbed), lost_j=float(lost[-1]), lost_before_j=float(lost[top]),
+        lost_after_j=float(lost[-1] - lost[top]), **{f"{name}_j": float(terms[name][-1]) for name in TERMS},
+        remainder_max_j=missed, remainder_share=share(missed),
+        remainder_by_phase_j={name: float(remainder[round(end * last)] - remainder[round(start * last)])
+                              for name, (start, end) in _PHASES.items()},
+        socket_work_j=float(energy.socket_work[cut][-1] - energy.socket_work[first]),
+        balance_work_j=float(balance[-1]), balance_share=share(float(np.abs(balance - terms[INPUT]).max())),
+        distal_work_j=float(pylon[-1]), distal_absorbed_j=-float(pylon[top]),
+        distal_returned_j=float(pylon[-1] - pylon[top]), distal_peak_w=float(pylon_w.max()),
+        distal_lowest_w=float(pylon_w.min()), shank_distal_work_j=float(shank[-1]),
+        shank_distal_peak_w=float(shank_w.max()), distal_share=share(float(np.abs(pylon + strain + lost).max())),
+        late_load_n=float(late.max()), late_load_at_percent=100.0 * (half + int(late.argmax())) / last,
+        keel_load_n=float(load), keel_load_point_mm=finite(1e3 * lever),
+        beam_j=_beam_energy(foot, fulcrum_m, float(load), float(lever)))
     return StanceEnergy(row=row, curves={
         "terms_j": np.array([np.interp(grid, time, terms[name]) for name in TERMS]),
         "pylon_power_w": pylon_w, "shank_power_w": shank_w})

@@ -8,10 +8,9 @@ that is pressed as far bears more and stores more, k x²/2. The verdict is of th
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,12 +18,14 @@ from vsf_drake.analysis.validation.energy_ledger import (
     PERCENT,
     TERMS,
     StanceEnergy,
+    StanceNumbers,
     prosthesis_energy,
     stance_energy,
     walk_with_same_load,
 )
 from vsf_drake.analysis.validation.study import Progress, Section, Study, reached, spread, walkers_of
 from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.files import flat
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.sentences import say
@@ -40,17 +41,97 @@ ASKED_SHARE = 0.01
 SPREAD = ("stored_j", "keel_stored_j", "returned_j", "return_ratio", "efficiency", "lost_j", "bushing_loss_j",
           "distal_peak_w", "distal_lowest_w", "limb_work_j", "late_load_n", "bench_j")
 _SAME_M = 1e-6
-Row = dict[str, Any]
 
 
-def energy_section(study: Study, *, progress: Progress | None = None) -> Section:
+@dataclass(frozen=True, kw_only=True)
+class EnergyRow(StanceNumbers):
+    """One stance of a walk."""
+
+    label: str  # of the trial
+    stance: int  # from 1
+    bench_j: float | None  # F²/2k of the testing machine at the largest late vertical force
+    bench_n_per_mm: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovedRow(EnergyRow):
+    """A trial with the fulcrum elsewhere; what `SameLoad` has of its load, None where the motion is kept."""
+
+    own: bool  # whether it stood there
+    off_bw: float | None
+    height_mm: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnergyCondition:
+    """The stances at one position of the fulcrum."""
+
+    fulcrum_mm: float
+    n: int
+    labels: tuple[str, ...]
+    means: Mapping[str, float | None] = flat()  # of SPREAD by its key, and the sample SD by `<key>_sd`
+
+
+@dataclass(frozen=True, kw_only=True)
+class Convergence:
+    """What twice the step changes in a stance."""
+
+    label: str
+    stance: int
+    fulcrum_mm: float
+    remainder_max_j: float
+    coarse_remainder_max_j: float
+    remainder_ratio: float | None
+    stored_j_change: float
+    returned_j_change: float
+    lost_j_change: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Softer:
+    """Whether an energy falls from each fulcrum position to the next stiffer one; None where nothing can be compared.
+    """
+
+    recorded: bool | None  # over the means of the recorded conditions
+    same_load: bool | None  # in every trial that was walked at all positions
+    same_load_against: tuple[str, ...]  # those in which it does not
+    same_motion: bool | None
+    same_motion_against: tuple[str, ...]
+    both: bool | None  # under the same load and as recorded
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnergyTable:
+    """The energy section; the largest shares are over all stances, None if nothing was stored."""
+
+    trials: tuple[EnergyRow, ...]
+    conditions: tuple[EnergyCondition, ...]
+    same_load: tuple[MovedRow, ...]
+    same_motion: tuple[MovedRow, ...]
+    convergence: tuple[Convergence, ...]
+    terms: tuple[str, ...]
+    step_s: float
+    coarse_step_s: float
+    moved_step_s: float
+    load_point_mm: float
+    asked_share: float
+    ledger_remainder_share_max: float | None
+    ledger_closes: bool | None
+    balance_share_max: float | None
+    distal_share_max: float | None
+    result_remainder_share_max: float | None  # of the whole person's ledger of the study's own walks
+    result_step_s: float
+    softer_stores_more: bool | None
+    softer_returns_more: bool | None
+    softer: Mapping[str, Softer]  # "stored_j", "returned_j"
+    synthetic: bool
+
+
+def energy_section(study: Study, *, progress: Progress | None = None) -> Section[EnergyTable]:
     """Walks every trial at a fine step, at twice that, and twice at the five published fulcrum positions.
 
-    Table: `trials` (a row a stance: `stored_j`, `returned_j`, `return_ratio`, the ledger's terms at toe-off,
-    `remainder_share`, second methods), `conditions` (means and SD), `same_load` and `same_motion` (a row a trial and
-    position), `convergence`, `ledger_remainder_share_max`, `softer_stores_more`, `softer_returns_more` (None with one
-    condition). Arrays: `percent` (201,), `terms_j` (rows, len(terms), 201) by `terms`, `pylon_power_w` and
-    `shank_power_w` (rows, 200).
+    Arrays: `percent` (201,), `terms_j` (rows, len(terms), 201) by `terms`, `pylon_power_w` and `shank_power_w`
+    (rows, 200).
     """
     fine, coarse, moved, search = STEPS_S[study.options.quick]
     positions = reached(study.model.foot, PUBLISHED_FULCRUMS_M)
@@ -58,10 +139,10 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
            for step in (fine, coarse) for walk in study.walks]
     elsewhere = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=x, step_s=moved, search_step_s=step)
                  for step in (None, search) for walk in study.walks for x in positions]
-    found = walk_cases([*own, *elsewhere], workers=study.options.workers,
+    every = walk_cases([*own, *elsewhere], workers=study.options.workers,
                        progress=progress and (lambda f: progress("walking in small steps", 0.95 * f)))
     count = len(study.walks)
-    reported, twins, walks = found[:count], found[count : 2 * count], found[2 * count :]
+    reported, twins, walks = every[:count], every[count : 2 * count], every[2 * count :]
 
     # N/m by position (mm) of this model in the testing machine
     wanted = sorted({round(1e3 * x, 6) for x in positions} | {walk.fulcrum_mm for walk in study.walks})
@@ -73,29 +154,26 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
     except (InputError, SimulationError) as error:
         bench_problem = error
     trials = [row for walk in reported for row in _rows(walk, stiffness)]
-    motion, load = (
-        [row | {"own": abs(walk.case.fulcrum_m - walk.case.trial.fulcrum_m) < _SAME_M, "off_bw": walk.off_bw,
-                "height_mm": walk.height_mm}
-         for walk in part for row in _rows(walk, stiffness)[:1]]
-        for part in (walks[: len(walks) // 2], walks[len(walks) // 2 :]))
-    conditions = [_condition(x, [row for row in trials if row["fulcrum_mm"] == x])
-                  for x in sorted({row["fulcrum_mm"] for row in trials})]
+    motion, load = (tuple(MovedRow(**vars(row), own=abs(walk.case.fulcrum_m - walk.case.trial.fulcrum_m) < _SAME_M,
+                                   off_bw=walk.off_bw, height_mm=walk.height_mm)
+                          for walk in part for row in _rows(walk, stiffness)[:1])
+                    for part in (walks[: len(walks) // 2], walks[len(walks) // 2 :]))
+    conditions = tuple(_condition(x, [row for row in trials if row.fulcrum_mm == x])
+                       for x in sorted({row.fulcrum_mm for row in trials}))
     persons = len({walk.trial.subject for walk in study.walks})
     judged = {key: _judged(load, motion, conditions if persons == 1 else (), key) for key in ("stored_j", "returned_j")}
-    worst = {key: max((row[key] for row in trials if row[key] is not None), default=None)
-             for key in ("remainder_share", "balance_share", "distal_share")}
-    remainder = worst["remainder_share"]
-    table = {
-        "trials": trials, "conditions": conditions, "same_load": load, "same_motion": motion,
-        "convergence": _convergence(trials, [row for walk in twins for row in _rows(walk, stiffness)]),
-        "terms": list(TERMS), "step_s": fine, "coarse_step_s": coarse, "moved_step_s": moved,
-        "load_point_mm": 1e3 * study.model.foot.load_point_m, "asked_share": ASKED_SHARE,
-        "ledger_remainder_share_max": remainder,
-        "ledger_closes": None if remainder is None else remainder <= ASKED_SHARE,
-        "balance_share_max": worst["balance_share"], "distal_share_max": worst["distal_share"],
-        "result_remainder_share_max": _result_remainder(study, trials), "result_step_s": study.options.step_s,
-        "softer_stores_more": judged["stored_j"]["both"], "softer_returns_more": judged["returned_j"]["both"],
-        "softer": judged, "synthetic": study.synthetic}
+    remainder, balance, distal = (max((one for row in trials if (one := getattr(row, key)) is not None), default=None)
+                                  for key in ("remainder_share", "balance_share", "distal_share"))
+    table = EnergyTable(
+        trials=tuple(trials), conditions=conditions, same_load=load, same_motion=motion,
+        convergence=tuple(_convergence(trials, [row for walk in twins for row in _rows(walk, stiffness)])),
+        terms=TERMS, step_s=fine, coarse_step_s=coarse, moved_step_s=moved,
+        load_point_mm=1e3 * study.model.foot.load_point_m, asked_share=ASKED_SHARE,
+        ledger_remainder_share_max=remainder, ledger_closes=None if remainder is None else remainder <= ASKED_SHARE,
+        balance_share_max=balance, distal_share_max=distal,
+        result_remainder_share_max=_result_remainder(study, trials), result_step_s=study.options.step_s,
+        softer_stores_more=judged["stored_j"].both, softer_returns_more=judged["returned_j"].both,
+        softer=judged, synthetic=study.synthetic)
     stances = [stance for walk in reported for stance in walk.stances]
     curves = {name: np.array([stance.curves[name] for stance in stances])
               for name in ("terms_j", "pylon_power_w", "shank_power_w")} if stances else {}
@@ -107,76 +185,74 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
         one_position=len(conditions) == 1, persons=persons if len(conditions) > 1 else 1)))
 
 
-def _rows(walk: EnergyWalk, stiffness: Mapping[float, float]) -> list[Row]:
-    """A row for each stance of a walk."""
+def _rows(walk: EnergyWalk, stiffness: Mapping[float, float]) -> list[EnergyRow]:
     rows = []
     for i, stance in enumerate(walk.stances):
-        row = {"label": walk.case.label, "stance": i + 1, **stance.row}
-        k = stiffness.get(row["fulcrum_mm"])
-        row["bench_j"] = None if k is None else 0.5 * row["late_load_n"] ** 2 / k
-        row["bench_n_per_mm"] = None if k is None else 1e-3 * k
-        rows.append(row)
+        numbers, k = stance.row, stiffness.get(stance.row.fulcrum_mm)
+        rows.append(EnergyRow(
+            **vars(numbers), label=walk.case.label, stance=i + 1, bench_n_per_mm=None if k is None else 1e-3 * k,
+            bench_j=None if k is None else 0.5 * numbers.late_load_n**2 / k))
     return rows
 
 
-def _result_remainder(study: Study, rows: Sequence[Row]) -> float | None:
+def _result_remainder(study: Study, rows: Sequence[EnergyRow]) -> float | None:
     """What the whole person's ledger misses at most in a stance of the study's own walks, over what the foot stores."""
-    found = []
+    shares = []
     for walk in study.walks:
         result = walk.result
         ledger = dict(zip(result.energy_names, result.energy_j.T, strict=True))
         for row in rows if "remainder" in ledger else ():
-            inside = ledger["remainder"][(result.time_s >= row["start_s"]) & (result.time_s <= row["end_s"])]
-            if row["label"] == walk.label and row["stored_j"] > 0.0 and inside.size:
-                found.append(float(np.abs(inside - inside[0]).max()) / row["stored_j"])
-    return max(found, default=None)
+            inside = ledger["remainder"][(result.time_s >= row.start_s) & (result.time_s <= row.end_s)]
+            if row.label == walk.label and row.stored_j > 0.0 and inside.size:
+                shares.append(float(np.abs(inside - inside[0]).max()) / row.stored_j)
+    return max(shares, default=None)
 
 
-def _condition(fulcrum_mm: float, rows: Sequence[Row]) -> Row:
+def _condition(fulcrum_mm: float, rows: Sequence[EnergyRow]) -> EnergyCondition:
     """Mean and sample SD (None for one stance) over the stances at one position."""
-    found: Row = {"fulcrum_mm": fulcrum_mm, "n": len(rows), "labels": [row["label"] for row in rows]}
+    means: dict[str, float | None] = {}
     for key in SPREAD:
-        own = spread(row[key] for row in rows)
-        found |= {key: own["mean"], f"{key}_sd": own["sd"]}
-    return found
+        own = spread(getattr(row, key) for row in rows)
+        means |= {key: own.mean, f"{key}_sd": own.sd}
+    return EnergyCondition(fulcrum_mm=fulcrum_mm, n=len(rows), labels=tuple(row.label for row in rows), means=means)
 
 
-def _convergence(fine: Sequence[Row], coarse: Sequence[Row]) -> list[Row]:
+def _convergence(fine: Sequence[EnergyRow], coarse: Sequence[EnergyRow]) -> Iterator[Convergence]:
     """By stance, what twice the step changes."""
-    twins = {(row["label"], row["stance"]): row for row in coarse}
-    rows = []
+    twins = {(row.label, row.stance): row for row in coarse}
     for row in fine:
-        twin = twins.get((row["label"], row["stance"]))
+        twin = twins.get((row.label, row.stance))
         if twin is not None:
-            small, large = row["remainder_max_j"], twin["remainder_max_j"]
-            rows.append({key: row[key] for key in ("label", "stance", "fulcrum_mm", "remainder_max_j")}
-                        | {"coarse_remainder_max_j": large, "remainder_ratio": large / small if small > 0.0 else None}
-                        | {f"{key}_change": twin[key] - row[key] for key in ("stored_j", "returned_j", "lost_j")})
-    return rows
+            small, large = row.remainder_max_j, twin.remainder_max_j
+            yield Convergence(
+                label=row.label, stance=row.stance, fulcrum_mm=row.fulcrum_mm, remainder_max_j=small,
+                coarse_remainder_max_j=large, remainder_ratio=large / small if small > 0.0 else None,
+                stored_j_change=twin.stored_j - row.stored_j, returned_j_change=twin.returned_j - row.returned_j,
+                lost_j_change=twin.lost_j - row.lost_j)
 
 
-def _judged(load: Sequence[Row], motion: Sequence[Row], conditions: Sequence[Row], key: str) -> Row:
-    """Whether `key` falls from each fulcrum position to the next stiffer one; None where nothing can be compared.
-
-    `same_load` and `same_motion`: in every trial that was walked at all positions (`..._against`: those in which it
-    does not). `recorded`: over the means of the recorded conditions. `both`: under the same load and as recorded.
-    """
+def _judged(
+    load: Sequence[MovedRow], motion: Sequence[MovedRow], conditions: Sequence[EnergyCondition], key: str
+) -> Softer:
+    """Whether the energy `key` falls with the setting's stiffness."""
     def falls(values: Sequence[float]) -> bool | None:
         return bool(np.all(np.diff(values) < 0)) if len(values) > 1 else None
 
-    recorded = falls([row[key] for row in conditions])
-    found: Row = {"recorded": recorded}
-    for name, rows in (("same_load", load), ("same_motion", motion)):
+    def in_trials(rows: Sequence[MovedRow]) -> tuple[bool | None, tuple[str, ...]]:
         curves: dict[str, list[float]] = {}
-        for row in sorted(rows, key=lambda row: row["fulcrum_mm"]):
-            curves.setdefault(row["label"], []).append(row[key])
-        positions = len({row["fulcrum_mm"] for row in rows})
-        judged = {label: falls(values) for label, values in curves.items() if len(values) == positions}
-        known = [one for one in judged.values() if one is not None]
-        found[name] = all(known) if known else None
-        found[f"{name}_against"] = [label for label, one in judged.items() if one is False]
-    kept = found["same_load"]
-    return found | {"both": None if kept is None or recorded is None else kept and recorded}
+        for row in sorted(rows, key=lambda row: row.fulcrum_mm):
+            curves.setdefault(row.label, []).append(getattr(row, key))
+        positions = len({row.fulcrum_mm for row in rows})
+        verdicts = {label: falls(values) for label, values in curves.items() if len(values) == positions}
+        known = [one for one in verdicts.values() if one is not None]
+        return all(known) if known else None, tuple(label for label, one in verdicts.items() if one is False)
+
+    recorded = falls([mean for row in conditions if (mean := row.means[key]) is not None])
+    (same_load, against_load), (same_motion, against_motion) = in_trials(load), in_trials(motion)
+    return Softer(
+        recorded=recorded, same_load=same_load, same_load_against=against_load, same_motion=same_motion,
+        same_motion_against=against_motion,
+        both=None if same_load is None or recorded is None else same_load and recorded)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -209,13 +285,13 @@ def walk_cases(
 ) -> list[EnergyWalk]:
     """Walks every case, in their order, in as many threads (None: one a core); one that fails stops no other."""
     walkers = walkers_of(case.trial for case in cases)  # before there are threads, which share them
-    found: list[EnergyWalk] = []
+    walks: list[EnergyWalk] = []
     with ThreadPoolExecutor(max(1, min(workers or os.cpu_count() or 1, len(cases)))) as pool:
         for walk in pool.map(_walk, walkers, cases):
-            found.append(walk)
+            walks.append(walk)
             if progress:
-                progress(len(found) / len(cases))
-    return found
+                progress(len(walks) / len(cases))
+    return walks
 
 
 def _walk(walker: Walker, case: EnergyCase) -> EnergyWalk:

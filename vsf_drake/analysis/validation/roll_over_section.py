@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,17 +32,145 @@ WALKED = ("radius_m", "radius_leg_lengths", "effective_foot_length_m", "effectiv
 LEAST_FORCE_N, MOST_FORCE_N = 50.0, 5000.0
 STEPS_PER_MM, ISO_STEPS = 160.0, 1200
 QUICK_STEPS_PER_MM, QUICK_ISO_STEPS, QUICK_POSITIONS_M = 40.0, 600, (0.066, 0.108, 0.151)
-Row = dict[str, Any]
 Curves = dict[str, np.ndarray]
 
 
-def roll_over_section(study: Study, *, progress: Progress | None = None) -> Section:
-    """Everything about rolling over; InputError if the force of the profile is no force to test a foot with.
+@dataclass(frozen=True, kw_only=True)
+class InclinedRow:
+    """The foot pressed at an angle to 600 N and let go; the centre of pressure is ahead of the pylon's axis."""
 
-    Table: `inclined` (rows by angle and fulcrum position), `iso` (`force_n`, `force_from`, `follows`, `positions`, and
-    for comparison `with_friction`), `walks` (a row a footfall) and `conditions` (by fulcrum position, mean, SD and
-    count of `model`, `measured`, and of the model's `foot_alone` in the pylon's frame).
-    """
+    angle_deg: float
+    fulcrum_mm: float
+    load_n: float
+    displacement_mm: float
+    stiffness_n_per_mm: float
+    stiffness_above_n: float
+    energy_stored_j: float
+    energy_returned_j: float
+    return_ratio: float
+    cop_forward_mm: float
+    zones_loaded: tuple[str, ...]
+    unconverged_steps: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollShape:
+    """What describes a roll-over shape; None where it cannot be known."""
+
+    radius_m: float | None
+    centre_forward_m: float | None
+    centre_up_m: float | None
+    arc_rms_m: float | None
+    effective_foot_length_m: float | None
+    effective_foot_length_ratio: float | None  # to the length of the foot
+
+
+@dataclass(frozen=True, kw_only=True)
+class IsoRow(RollShape):
+    """The foot under the loading profile of ISO 22675; its shape is that up to the second peak."""
+
+    fulcrum_mm: float
+    follows: bool  # within 1 % of the largest force
+    residual_n: float
+    residual_rms_n: float
+    deflection_heel_mm: float
+    deflection_forefoot_mm: float
+    dorsiflexing_moment_nm: float
+    plantarflexing_moment_nm: float
+    cop_first_mm: float
+    cop_last_mm: float
+    stored_heel_j: float
+    stored_forefoot_j: float
+    energy_in_j: float
+    energy_out_j: float
+    return_ratio: float
+    lost_j: float
+    lost_by_sliding_j: float
+    left_j: float
+    mean_moment_arm_m: float | None
+    unconverged_steps: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Iso:
+    """The profile at every fulcrum position, to its first peak `force_n`."""
+
+    force_n: float
+    force_from: str  # "weight" or "given"
+    foot_length_m: float
+    follows: bool
+    positions: tuple[IsoRow, ...]
+    with_friction: tuple[IsoRow, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkedShapeNumbers(RollShape):
+    """A shape seen from the recorded shank."""
+
+    mean_moment_arm_m: float | None
+    radius_leg_lengths: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FootfallShape:
+    """One footfall: the shape of the model, of the plate, and of the model's foot alone, in the pylon's frame."""
+
+    label: str
+    fulcrum_mm: float
+    ends_at: str  # OPPOSITE_STRIKE or TOE_OFF
+    end_percent: float
+    leg_length_m: float
+    heel_m: float
+    model: WalkedShapeNumbers
+    measured: WalkedShapeNumbers
+    foot_alone: RollShape
+
+
+@dataclass(frozen=True, kw_only=True)
+class Footfall(FootfallShape):
+    """The same within a walk, and the name of its curves."""
+
+    footfall: int
+    curves: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mean:
+    """Over footfalls; the SD is None for fewer than two."""
+
+    mean: float | None
+    sd: float | None
+    count: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollOverCondition:
+    """The footfalls at one position, what describes them by its key in WALKED."""
+
+    fulcrum_mm: float
+    footfalls: int
+    until_opposite_strike: int
+    model: Mapping[str, Mean]
+    measured: Mapping[str, Mean]
+    foot_alone: Mapping[str, Mean]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollOverTable:
+    """The section on rolling over."""
+
+    inclined: tuple[InclinedRow, ...]
+    iso: Iso
+    walks: tuple[Footfall, ...]
+    conditions: tuple[RollOverCondition, ...]
+    foot_length_m: float
+    heel_behind_pylon_m: float
+    synthetic: bool
+    quick: bool
+
+
+def roll_over_section(study: Study, *, progress: Progress | None = None) -> Section[RollOverTable]:
+    """Everything about rolling over; InputError if the force of the profile is no force to test a foot with."""
     given, quick, foot = study.options.iso_force_n, study.options.quick, study.model.foot
     if given is not None and not LEAST_FORCE_N <= given <= MOST_FORCE_N:
         raise InputError(f"{given:g} N is no force to roll a foot over with", where="iso_force_n",
@@ -62,38 +191,39 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
         progress=part(0.7, 0.1, " with friction"))
     missing = [*say("roll_over", "unreached", positions_m=[x for x in wanted if x not in fulcrums]),
                *failed, *failed_rolls, *failed_rough]
-    rows: list[Row] = []
+    rows: list[Footfall] = []
     for i, walk in enumerate(study.walks):
         part(0.8, 0.2)("roll-over shapes", i / len(study.walks))
         shapes, unknown = walked_shapes(walk)
         missing += unknown
         for j, shape in enumerate(shapes):
             name = f"walk_{len(rows)}"
-            rows.append({**shape.row, "footfall": j + 1, "curves": name})
+            rows.append(Footfall(**vars(shape.row), footfall=j + 1, curves=name))
             for kind, points in (("model", shape.model), ("measured", shape.measured), ("alone", shape.foot_alone)):
                 curves |= {f"{name}_{kind}_forward_m": points[:, 0], f"{name}_{kind}_up_m": points[:, 1]}
+    conditions = tuple(_condition(x, [row for row in rows if row.fulcrum_mm == x])
+                       for x in sorted({row.fulcrum_mm for row in rows}))
+    iso = Iso(force_n=force, force_from="weight" if given is None else "given", foot_length_m=foot.length_m,
+              follows=bool(rolled) and all(row.follows for row in rolled), positions=tuple(rolled),
+              with_friction=tuple(rough))
     return Section(
-        table={
-            "inclined": inclined,
-            "iso": {"force_n": force, "force_from": "weight" if given is None else "given",
-                    "foot_length_m": foot.length_m,
-                    "follows": bool(rolled) and all(row["follows"] for row in rolled), "positions": rolled,
-                    "with_friction": rough},
-            "walks": rows, "conditions": [_condition(x, [row for row in rows if row["fulcrum_mm"] == x])
-                                          for x in sorted({row["fulcrum_mm"] for row in rows})],
-            "foot_length_m": foot.length_m, "heel_behind_pylon_m": foot.pylon_x_m - foot.heel_x_m,
-            "synthetic": study.synthetic, "quick": quick},
+        table=RollOverTable(
+            inclined=tuple(inclined), iso=iso, walks=tuple(rows), conditions=conditions, foot_length_m=foot.length_m,
+            heel_behind_pylon_m=foot.pylon_x_m - foot.heel_x_m, synthetic=study.synthetic, quick=quick),
         arrays={**curves, **more}, missing=tuple(missing))
 
 
-def _condition(fulcrum_mm: float, rows: Sequence[Row]) -> Row:
-    """Mean, SD (None for fewer than two) and count over the footfalls at one position."""
-    found: Row = {"fulcrum_mm": fulcrum_mm, "footfalls": len(rows),
-                  "until_opposite_strike": sum(row["ends_at"] == OPPOSITE_STRIKE for row in rows)}
-    for side in ("model", "measured", "foot_alone"):
-        spreads = {name: spread(row[side].get(name) for row in rows) for name in WALKED if name in rows[0][side]}
-        found[side] = {name: {"mean": own["mean"], "sd": own["sd"], "count": own["n"]} for name, own in spreads.items()}
-    return found
+def _condition(fulcrum_mm: float, rows: Sequence[Footfall]) -> RollOverCondition:
+    def means(shapes: Sequence[RollShape]) -> dict[str, Mean]:
+        spreads = {name: spread(getattr(shape, name) for shape in shapes) for name in WALKED
+                   if hasattr(shapes[0], name)}
+        return {name: Mean(mean=own.mean, sd=own.sd, count=own.n) for name, own in spreads.items()}
+
+    return RollOverCondition(
+        fulcrum_mm=fulcrum_mm, footfalls=len(rows),
+        until_opposite_strike=sum(row.ends_at == OPPOSITE_STRIKE for row in rows),
+        model=means([row.model for row in rows]), measured=means([row.measured for row in rows]),
+        foot_alone=means([row.foot_alone for row in rows]))
 
 
 # The foot pressed at an angle, as structural tests press feet: heel at -15 degrees, forefoot at +20 degrees.
@@ -114,12 +244,12 @@ BORNE_N = 1.0
 
 def _inclined_loading(
     foot: FootParameters, fulcrums_m: Sequence[float], *, steps_per_mm: float, progress: Progress
-) -> tuple[list[Row], Curves, list[str]]:
+) -> tuple[list[InclinedRow], Curves, list[str]]:
     """Presses the foot to 600 N and lets go, at both angles and every fulcrum position (m), at 50 mm/min: rows, curves
     by name (`inclined_A_F_...` with angle and position in whole degrees and mm), and sentences on what failed."""
     machine = RollOver(foot, friction=False)
     sites = machine.machine.foot.sites
-    rows: list[Row] = []
+    rows: list[InclinedRow] = []
     curves: Curves = {}
     missing = []
     cases = [(angle, fulcrum) for angle in ANGLES_DEG for fulcrum in fulcrums_m]
@@ -138,14 +268,14 @@ def _inclined_loading(
         stored = float(np.trapezoid(f, x))
         returned = -float(np.trapezoid(load[peak:], displacement[peak:]))
         bearing = run.sphere_normal_n[peak - 1] > BORNE_N
-        rows.append({
-            "angle_deg": angle, "fulcrum_mm": 1e3 * fulcrum, "load_n": load[peak],
-            "displacement_mm": 1e3 * float(np.interp(LARGEST_LOAD_N, f, x)),
-            "stiffness_n_per_mm": 1e-3 * stiffness(x, f), "stiffness_above_n": STIFFNESS_ABOVE_N,
-            "energy_stored_j": stored, "energy_returned_j": returned, "return_ratio": returned / stored,
-            "cop_forward_mm": 1e3 * float(in_mount_frame(run.cop_W, run.mount)[peak - 1, 0]),
-            "zones_loaded": [name for i, name in enumerate(sites.zone_names) if bearing[sites.zone == i].any()],
-            "unconverged_steps": run.unconverged_steps})
+        rows.append(InclinedRow(
+            angle_deg=angle, fulcrum_mm=1e3 * fulcrum, load_n=float(load[peak]),
+            displacement_mm=1e3 * float(np.interp(LARGEST_LOAD_N, f, x)), stiffness_n_per_mm=1e-3 * stiffness(x, f),
+            stiffness_above_n=STIFFNESS_ABOVE_N, energy_stored_j=stored, energy_returned_j=returned,
+            return_ratio=returned / stored,
+            cop_forward_mm=1e3 * float(in_mount_frame(run.cop_W, run.mount)[peak - 1, 0]),
+            zones_loaded=tuple(name for i, name in enumerate(sites.zone_names) if bearing[sites.zone == i].any()),
+            unconverged_steps=run.unconverged_steps))
         at = np.union1d(np.round(np.linspace(0, len(load) - 1, CURVE_POINTS)).astype(int), [peak])
         name = f"inclined_{'minus' if angle < 0 else 'plus'}{abs(angle):.0f}_{1e3 * fulcrum:.0f}"
         curves |= {f"{name}_displacement_m": displacement[at], f"{name}_load_n": load[at]}
@@ -168,7 +298,7 @@ _TILT_DEG = 1e-3 * np.array([2.45074e-9, -3.75984e-6, 1.77519e-3, -0.108409, 20.
 
 def force_share(time_s: np.ndarray) -> np.ndarray:
     """(n,) F / F_1cmax at the times (n,) s from 0 to DURATION_S; never below zero."""
-    return np.maximum(np.polyval(_FORCE, 1e3 * time_s), 0.0)
+    return np.asarray(np.maximum(np.polyval(_FORCE, 1e3 * time_s), 0.0))
 
 
 def tilt_rad(time_s: np.ndarray) -> np.ndarray:
@@ -195,18 +325,18 @@ class Frames(NamedTuple):
 
     def at(self, time_s: np.ndarray) -> Frames:
         """The same at other times, on straight lines between the known ones."""
-        found = resample(time_s, self.time_s, np.column_stack([self.origin, self.axes.reshape(-1, 9)]))
-        return Frames(time_s, found[:, :3], found[:, 3:].reshape(-1, 3, 3))
+        poses = resample(time_s, self.time_s, np.column_stack([self.origin, self.axes.reshape(-1, 9)]))
+        return Frames(time_s, poses[:, :3], poses[:, 3:].reshape(-1, 3, 3))
 
     def seen(self, points_W: np.ndarray) -> np.ndarray:
         """(n, 2) forward and up of points (n, 3) in W, one for each instant."""
-        return np.einsum("nij,ni->nj", self.axes, points_W - self.origin)[:, [0, 2]]
+        return np.asarray(np.einsum("nij,ni->nj", self.axes, points_W - self.origin)[:, [0, 2]])
 
 
 class WalkedShape(NamedTuple):
-    """One footfall: `row` of the table, and curves (101, 2) over the measured stance, NaN outside the shape."""
+    """One footfall, and its curves (101, 2) over the measured stance, NaN outside the shape."""
 
-    row: Row
+    row: FootfallShape
     model: np.ndarray
     measured: np.ndarray
     foot_alone: np.ndarray
@@ -224,7 +354,7 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
         start, duration = item.measured.start_s, item.measured.duration_s
         end, kind = _end(walk, item)
         instants = percent_instants(item.measured)
-        cops, seen, sides = {}, {}, {}
+        cops, seen, sides = {}, {}, dict[str, WalkedShapeNumbers]()
         for name, time, force, cop, free in (
                 ("model", result.time_s, result.grf_W, result.cop_W, result.free_moment_nm),
                 ("measured", plate.time_s, plate.force_W, plate.cop_W, plate.free_moment_nm)):
@@ -233,16 +363,17 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
             cops[name] = np.column_stack([smooth, np.zeros(len(smooth))])
             seen[name] = shank.at(instants).seen(cops[name])
             numbers = shape_numbers(seen[name], heel_m=heel, foot_length_m=result.foot_length_m)
-            radius = numbers["radius_m"]
-            sides[name] = numbers | {"mean_moment_arm_m": _arm(shank, item, time, force, cop, free),
-                                     "radius_leg_lengths": None if radius is None else radius / leg}
+            sides[name] = WalkedShapeNumbers(
+                **vars(numbers), mean_moment_arm_m=_arm(shank, item, time, force, cop, free),
+                radius_leg_lengths=None if numbers.radius_m is None else numbers.radius_m / leg)
         alone = pylon.at(instants).seen(cops["model"])
-        row = {"label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "ends_at": kind,
-               "end_percent": 100.0 * (end - start) / duration, "leg_length_m": leg, "heel_m": heel, **sides,
-               "foot_alone": shape_numbers(alone, heel_m=heel, foot_length_m=result.foot_length_m)}
+        row = FootfallShape(
+            label=walk.label, fulcrum_mm=walk.fulcrum_mm, ends_at=kind, end_percent=100.0 * (end - start) / duration,
+            leg_length_m=leg, heel_m=heel, model=sides["model"], measured=sides["measured"],
+            foot_alone=shape_numbers(alone, heel_m=heel, foot_length_m=result.foot_length_m))
         shapes.append(WalkedShape(row, seen["model"], seen["measured"], alone))
     return shapes, say("roll_over", "partly", label=walk.label, has_cop=plate.has_cop,
-                       until_toe_off=sum(shape.row["ends_at"] == TOE_OFF for shape in shapes))
+                       until_toe_off=sum(shape.row.ends_at == TOE_OFF for shape in shapes))
 
 
 def _frames(walk: StudyWalk) -> tuple[Frames, Frames, float, float]:
@@ -304,7 +435,7 @@ ROLL_CURVE_POINTS = 301
 def iso_roll_over(
     foot: FootParameters, fulcrums_m: Sequence[float], *, force_n: float, steps: int, friction: bool = False,
     progress: Progress | None = None
-) -> tuple[list[Row], Curves, list[str]]:
+) -> tuple[list[IsoRow], Curves, list[str]]:
     """Rolls the foot at every fulcrum position (m), to F_1cmax = `force_n` (N), the profile's first peak, in as many
     steps: rows, curves by name, and sentences on what failed and, without friction, on what does not follow.
 
@@ -316,7 +447,7 @@ def iso_roll_over(
     tilt, force = tilt_rad(time), force_n * force_share(time)
     kept = np.unique(np.round(np.linspace(1, steps, ROLL_CURVE_POINTS)).astype(int)) - 1
     curves = {"iso_time_s": time[1:][kept], "iso_tilt_deg": np.degrees(tilt[1:][kept]), "iso_wanted_n": force[1:][kept]}
-    rows: list[Row] = []
+    rows: list[IsoRow] = []
     missing: list[str] = []
     for i, fulcrum in enumerate(fulcrums_m):
         if progress:
@@ -327,15 +458,15 @@ def iso_roll_over(
         except SimulationError as error:
             missing.append(f"{place}: {error}.")
             continue
-        row, found = _iso_row(machine, run, following, fulcrum)
+        row, own = _iso_row(machine, run, following, fulcrum)
         rows.append(row)
-        if not row["follows"] and not friction:
-            missing += say("roll_over", "not_followed", place=place, residual_n=row["residual_n"])
-        curves |= {f"iso_{1e3 * fulcrum:.0f}_{name}": values[kept] for name, values in found.items()}
+        if not row.follows and not friction:
+            missing += say("roll_over", "not_followed", place=place, residual_n=row.residual_n)
+        curves |= {f"iso_{1e3 * fulcrum:.0f}_{name}": values[kept] for name, values in own.items()}
     return rows, curves, missing
 
 
-def _iso_row(machine: RollOver, run: RollOverRun, following: Following, fulcrum: float) -> tuple[Row, Curves]:
+def _iso_row(machine: RollOver, run: RollOverRun, following: Following, fulcrum: float) -> tuple[IsoRow, Curves]:
     foot, e = machine.parameters, run.energy
     cop = in_mount_frame(run.cop_W, run.mount)
     arm = run.cop_W - np.column_stack([run.mount[:, 0], np.zeros(len(cop)), run.mount[:, 1]])
@@ -349,19 +480,19 @@ def _iso_row(machine: RollOver, run: RollOverRun, following: Following, fulcrum:
     shape = shape_numbers(np.where(rolled[:, None], cop, np.nan), heel_m=foot.heel_x_m - foot.pylon_x_m,
                           foot_length_m=foot.length_m)
     loaded = np.isfinite(cop[:, 0])
-    row = {
-        "fulcrum_mm": 1e3 * fulcrum, "follows": following.follows, "residual_n": following.residual_n,
-        "residual_rms_n": float(np.sqrt(np.mean((following.force_n - following.wanted_n) ** 2))),
-        "deflection_heel_mm": 1e3 * float(following.deflection_m[half].max()),
-        "deflection_forefoot_mm": 1e3 * float(following.deflection_m[~half].max()),
-        "dorsiflexing_moment_nm": float(np.nanmax(moment)), "plantarflexing_moment_nm": -float(np.nanmin(moment)),
-        "cop_first_mm": 1e3 * float(cop[loaded][0, 0]), "cop_last_mm": 1e3 * float(cop[loaded][-1, 0]),
-        "stored_heel_j": float(strain[half].max()), "stored_forefoot_j": float(strain[~half].max()),
-        "energy_in_j": taken, "energy_out_j": given, "return_ratio": given / taken, "lost_j": float(lost[-1]),
-        "lost_by_sliding_j": float(e["friction_loss"][-1]), "left_j": float(strain[-1]),
-        "mean_moment_arm_m": mean_moment_arm(run.time_s, moment, following.force_n),
-        "unconverged_steps": run.unconverged_steps, **shape,
-    }
+    row = IsoRow(
+        **vars(shape), fulcrum_mm=1e3 * fulcrum, follows=bool(following.follows),
+        residual_n=float(following.residual_n),
+        residual_rms_n=float(np.sqrt(np.mean((following.force_n - following.wanted_n) ** 2))),
+        deflection_heel_mm=1e3 * float(following.deflection_m[half].max()),
+        deflection_forefoot_mm=1e3 * float(following.deflection_m[~half].max()),
+        dorsiflexing_moment_nm=float(np.nanmax(moment)), plantarflexing_moment_nm=-float(np.nanmin(moment)),
+        cop_first_mm=1e3 * float(cop[loaded][0, 0]), cop_last_mm=1e3 * float(cop[loaded][-1, 0]),
+        stored_heel_j=float(strain[half].max()), stored_forefoot_j=float(strain[~half].max()), energy_in_j=taken,
+        energy_out_j=given, return_ratio=given / taken, lost_j=float(lost[-1]),
+        lost_by_sliding_j=float(e["friction_loss"][-1]), left_j=float(strain[-1]),
+        mean_moment_arm_m=mean_moment_arm(run.time_s, moment, following.force_n),
+        unconverged_steps=run.unconverged_steps)
     return row, {"force_n": following.force_n, "deflection_mm": 1e3 * following.deflection_m,
                  "cop_forward_m": cop[:, 0], "cop_up_m": cop[:, 1], "moment_nm": moment, "strain_j": strain,
                  "lost_j": lost}
@@ -425,7 +556,7 @@ def fit_arc(points_m: np.ndarray) -> Arc | None:
     return Arc((float(at[0]), float(at[1])), float(size * radius), float(size * np.sqrt(np.mean(error**2))))
 
 
-def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) -> dict[str, float | None]:
+def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) -> RollShape:
     """What describes a roll-over shape, the centre of pressure (n, 2) forward and up in the shank's frame, NaN where
     there is none; `heel_m` is where the rear end of the foot, from which `foot_length_m` counts, is on the forward
     axis. None where it cannot be known."""
@@ -437,9 +568,9 @@ def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) 
         arc = fit_arc(np.column_stack([np.interp(at, along, column) for column in points.T]))
     length = float(points[:, 0].max()) - heel_m if len(points) else None
     (forward, up), radius, off = arc or ((None, None), None, None)
-    return {"radius_m": radius, "centre_forward_m": forward, "centre_up_m": up, "arc_rms_m": off,
-            "effective_foot_length_m": length,
-            "effective_foot_length_ratio": None if length is None else length / foot_length_m}
+    return RollShape(radius_m=radius, centre_forward_m=forward, centre_up_m=up, arc_rms_m=off,
+                     effective_foot_length_m=length,
+                     effective_foot_length_ratio=None if length is None else length / foot_length_m)
 
 
 def mean_moment_arm(time_s: np.ndarray, moment_nm: np.ndarray, vertical_n: np.ndarray) -> float | None:

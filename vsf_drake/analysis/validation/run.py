@@ -13,41 +13,63 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from vsf_drake.analysis.validation.bench_section import bench_section, standing_section
-from vsf_drake.analysis.validation.energy_section import energy_section
-from vsf_drake.analysis.validation.roll_over_section import roll_over_section
-from vsf_drake.analysis.validation.sensitivity_section import sensitivity_section
-from vsf_drake.analysis.validation.settings_section import settings_section
+from vsf_drake.analysis.validation.bench_section import (
+    BenchTable,
+    StoodTable,
+    bench_section,
+    standing_section,
+)
+from vsf_drake.analysis.validation.energy_section import EnergyTable, energy_section
+from vsf_drake.analysis.validation.roll_over_section import RollOverTable, roll_over_section
+from vsf_drake.analysis.validation.sensitivity_section import SensitivityTable, sensitivity_section
+from vsf_drake.analysis.validation.settings_section import SettingsTable, settings_section
 from vsf_drake.analysis.validation.study import Progress, Section, Study
-from vsf_drake.analysis.validation.walking_section import walking_section
+from vsf_drake.analysis.validation.walking_section import WalkingTable, walking_section
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.files import plain, read_json, read_npz, replaced, sha256, write_json
+from vsf_drake.files import plain, read_json, read_npz, record, replaced, sha256, write_json
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.schema import to_plain
 from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.many.cases import digest, software
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 EXACT = "walking_exact"
 """The walking section of a second study: the same walks without errors of measurement."""
-_SECTIONS: dict[str, tuple[Callable[..., Section], float]] = {
-    "bench": (bench_section, 10.0), "standing": (standing_section, 10.0), "walking": (walking_section, 20.0),
-    "energy": (energy_section, 30.0), "roll_over": (roll_over_section, 30.0), "settings": (settings_section, 90.0),
-    "sensitivity": (sensitivity_section, 180.0)}
-"""By name: what computes it, and about how long that takes (s), which only the progress depends on."""
+class Part(NamedTuple):
+    """A section: what computes it, the record that it then holds, and about how long that takes (s)."""
+
+    make: Callable[..., Section[object]]
+    table: type
+    about_s: float  # which only the progress depends on
+
+
+_SECTIONS = {
+    "bench": Part(bench_section, BenchTable, 10.0), "standing": Part(standing_section, StoodTable, 10.0),
+    "walking": Part(walking_section, WalkingTable, 20.0), "energy": Part(energy_section, EnergyTable, 30.0),
+    "roll_over": Part(roll_over_section, RollOverTable, 30.0),
+    "settings": Part(settings_section, SettingsTable, 90.0),
+    "sensitivity": Part(sensitivity_section, SensitivityTable, 180.0)}
 NAMES = (*_SECTIONS, EXACT)
 _PACKAGE = Path(__file__).resolve().parents[2]
+
+
+def tables() -> dict[str, type]:
+    """The records of the sections, by name."""
+    return {name: part.table for name, part in _SECTIONS.items()} | {EXACT: WalkingTable}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finished:
     """A section with how long it took (s); `section` is None if it failed, and `failure` says why."""
 
-    section: Section | None
+    section: Section[object] | None
     wall_s: float
     failure: str = ""
 
@@ -60,26 +82,27 @@ def run_sections(
     A section that fails (a bench that gives way, a simulation that diverges) is named with the reason and stops no
     other. Finished sections are kept in `folder`, so that an interrupted run of the same study goes on.
     """
-    plan = [(name, make, weight, study) for name, (make, weight) in _SECTIONS.items()]
+    plan = [(name, part, study) for name, part in _SECTIONS.items()]
     if exact is not None:
-        plan.append((EXACT, *_SECTIONS["walking"], exact))
-    total, before, finished = sum(weight for _, _, weight, _ in plan), 0.0, {}
-    for name, make, weight, own in plan:
-        def show(what: str, fraction: float, name: str = name, before: float = before, weight: float = weight) -> None:
+        plan.append((EXACT, _SECTIONS["walking"], exact))
+    total, before, finished = sum(part.about_s for _, part, _ in plan), 0.0, {}
+    for name, part, own in plan:
+        def show(what: str, fraction: float, name: str = name, before: float = before, part: Part = part) -> None:
             if progress:
-                progress(f"{name.replace('_', ' ')}: {what}", (before + weight * min(max(fraction, 0.0), 1.0)) / total)
+                share = part.about_s * min(max(fraction, 0.0), 1.0)
+                progress(f"{name.replace('_', ' ')}: {what}", (before + share) / total)
 
-        before += weight
+        before += part.about_s
         store = None if folder is None else SectionStore(Path(folder), study_key(own))
-        kept = store.read(name) if store else None
-        if kept is not None:
-            finished[name] = Finished(section=kept[0], wall_s=kept[1])
+        earlier: tuple[Section[object], float] | None = store.read(name, part.table) if store else None
+        if earlier is not None:
+            finished[name] = Finished(section=earlier[0], wall_s=earlier[1])
             continue
         show("starting", 0.0)
         began = time.perf_counter()
         section, failure = None, ""
         try:
-            section = make(own, progress=show)
+            section = part.make(own, progress=show)
         except (InputError, SimulationError, FitError) as error:
             failure = str(error)
         finished[name] = Finished(section=section, wall_s=time.perf_counter() - began, failure=failure)
@@ -102,6 +125,9 @@ def study_key(study: Study) -> str:
         "software": software(), "spm1d": find_spec("spm1d") is not None, "analysis_sha256": sources.hexdigest()})
 
 
+Kept = TypeVar("Kept", bound="DataclassInstance")
+
+
 class SectionStore:
     """A folder of finished sections of an unfinished validation, each complete or not there; it is created when the
     first is written. What another key (see `study_key`) left is not read."""
@@ -109,20 +135,20 @@ class SectionStore:
     def __init__(self, folder: Path, key: str) -> None:
         self.folder, self.key = folder, key
 
-    def read(self, name: str) -> tuple[Section, float] | None:
+    def read(self, name: str, table: type[Kept]) -> tuple[Section[Kept], float] | None:
         """The section and how long it took (s); None if it is not there, damaged, or of another key."""
         path = self.folder / f"{name}.json"
         try:
-            found = read_json(path)
-            if found["key"] != self.key or found["arrays_sha256"] != sha256(path.with_suffix(".npz")):
+            saved = read_json(path)
+            if saved["key"] != self.key or saved["arrays_sha256"] != sha256(path.with_suffix(".npz")):
                 return None
-            section = Section(table=found["table"], arrays=read_npz(path.with_suffix(".npz")),
-                              missing=tuple(found["missing"]))
-            return section, float(found["wall_s"])
+            section = Section(table=record(table, saved["table"]), arrays=read_npz(path.with_suffix(".npz")),
+                              missing=tuple(saved["missing"]))
+            return section, float(saved["wall_s"])
         except (ValueError, TypeError, KeyError, InputError):
             return None
 
-    def write(self, name: str, section: Section, wall_s: float) -> None:
+    def write(self, name: str, section: Section[object], wall_s: float) -> None:
         """Keeps a finished section; InputError if the folder cannot be written."""
         arrays = self.folder / f"{name}.npz"
         try:
@@ -149,36 +175,94 @@ def is_kept(path: Path, names: Container[str]) -> bool:
     return path.suffix in (".json", ".npz", ".part") and path.name.lstrip(".").partition(".")[0] in names
 
 
-# What the files hold: a finished study as plain values and arrays.
+# What the files hold: a finished study as records and arrays.
+
+
+@dataclass(frozen=True, kw_only=True)
+class SavedSection:
+    """A section as `validation.json` has it; no table if it failed."""
+
+    table: object | None
+    missing: tuple[str, ...]
+    wall_s: float
+    failure: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialRow:
+    """One walk: how the prosthesis sits under its pylon (height + shorter, fore-aft + forward, alignment + toe up)."""
+
+    height_mm: float
+    fore_aft_mm: float
+    alignment_deg: float
+    label: str
+    name: str
+    file: str
+    role: str
+    fulcrum_mm: float
+    synthetic: bool
+    doubts: str | None
+    window_s: tuple[float, float]
+    unconverged_steps: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class SummaryRow:
+    """A line of the summary: `value` as its section holds it at `key`, and whether it is as `asked`."""
+
+    what: str
+    key: str  # "section/key/key"
+    value: float | bool | None
+    unit: str
+    paper: str | None
+    shown: str | None
+    asked: str | None
+    met: bool | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validation:
+    """A finished validation, as `validation.json` has it."""
+
+    title: str
+    first_line: str
+    synthetic: bool
+    sections: Mapping[str, SavedSection]
+    options: Mapping[str, object]  # of `StudyOptions`, with the step
+    contact: str
+    failed: tuple[tuple[str, str], ...]  # labels of what could not be used, and why
+    notes: tuple[str, ...]
+    trials: tuple[TrialRow, ...]
+    provenance: Mapping[str, object]
+    summary: tuple[SummaryRow, ...]
 
 
 def validation_content(
     study: Study, finished: Mapping[str, Finished], *, exact: Study | None = None
-) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+) -> tuple[Validation, dict[str, np.ndarray]]:
     """Content and arrays ("section/name") of a validation from its sections, of `run_sections`."""
-    tables = {name: None if one.section is None else one.section.table for name, one in finished.items()}
-    trials = [{
-        "height_mm": 1e3 * walk.trial.offsets.height_m, "fore_aft_mm": 1e3 * walk.trial.offsets.fore_aft_m,
-        "alignment_deg": math.degrees(walk.trial.offsets.alignment_rad), "label": walk.label, "name": walk.trial.name,
-        "file": walk.trial.path.name, "role": walk.role, "fulcrum_mm": walk.fulcrum_mm,
-        "synthetic": walk.trial.synthetic, "doubts": " ".join(walk.doubts) or None,
-        "window_s": [walk.trial.start_s, walk.trial.end_s], "unconverged_steps": walk.result.unconverged_steps}
-        for walk in study.walks]
-    content: dict[str, Any] = plain({
-        "title": f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}",
-        "first_line": first_line(study), "synthetic": study.synthetic,
-        "sections": {name: {"table": tables[name], "missing": list(one.section.missing) if one.section else [],
-                            "wall_s": one.wall_s, "failure": one.failure} for name, one in finished.items()},
-        "options": to_plain(study.options) | {"step_s": study.options.step_s},
-        "contact": say("validation", "contact", contact=study.contact, name=study.contact_name)[0],
-        "failed": [list(pair) for pair in study.failed], "notes": _notes(study, finished), "trials": trials,
-        "provenance": provenance(
+    trials = tuple(TrialRow(
+        height_mm=1e3 * walk.trial.offsets.height_m, fore_aft_mm=1e3 * walk.trial.offsets.fore_aft_m,
+        alignment_deg=math.degrees(walk.trial.offsets.alignment_rad), label=walk.label, name=walk.trial.name,
+        file=walk.trial.path.name, role=walk.role, fulcrum_mm=walk.fulcrum_mm, synthetic=walk.trial.synthetic,
+        doubts=" ".join(walk.doubts) or None, window_s=(walk.trial.start_s, walk.trial.end_s),
+        unconverged_steps=walk.result.unconverged_steps) for walk in study.walks)
+    sections = {name: one.section for name, one in finished.items()}
+    content = Validation(
+        title=f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}", first_line=first_line(study),
+        synthetic=study.synthetic, sections={
+            name: SavedSection(table=section.table if section else None, missing=section.missing if section else (),
+                               wall_s=finished[name].wall_s, failure=finished[name].failure)
+            for name, section in sections.items()},
+        options=to_plain(study.options) | {"step_s": study.options.step_s},
+        contact=say("validation", "contact", contact=study.contact, name=study.contact_name)[0], failed=study.failed,
+        notes=tuple(_notes(study, finished)), trials=trials,
+        provenance=provenance(
             dict(study.inputs) | {f"exact, {name}": digest for name, digest in (exact.inputs if exact else {}).items()},
             seed=study.options.seed),
-        "summary": summary_rows({name: table for name, table in tables.items() if table})})
-    arrays = {f"{name}/{key}": array for name, one in finished.items() if one.section
-              for key, array in one.section.arrays.items()}
-    return content, arrays
+        summary=summary_rows({name: section.table for name, section in sections.items() if section}))
+    return content, {f"{name}/{key}": array for name, section in sections.items() if section
+                     for key, array in section.arrays.items()}
 
 
 def first_line(study: Study) -> str:
@@ -248,34 +332,34 @@ _ANSWERS = (("energy/softer_stores_more", "A softer setting stores more energy, 
             ("energy/softer_returns_more", "A softer setting returns more energy, as measured on the real device"))
 
 
-def summary_rows(sections: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of the summary: what, value (as its section holds it), shown, unit, paper, asked, met.
+def summary_rows(sections: Mapping[str, object]) -> tuple[SummaryRow, ...]:
+    """The summary of the sections' tables by name; what is not there gives a row with an unknown value."""
+    saved = plain(sections)
 
-    `sections` are their tables by name; what is not there gives a row with an unknown value.
-    """
-    def found(key: str) -> Any:
-        value: Any = sections
+    def at(key: str) -> Any:
+        value = saved
         for part in key.split("/"):
             value = value.get(part) if isinstance(value, Mapping) else None
         return value
 
     rows = []
-    fitted = bool(found("bench/contact_on_bench"))
+    fitted = bool(at("bench/contact_on_bench"))
     for line in _LINES:
-        value, what = found(line.key), line.what
+        value, what = at(line.key), line.what
         limit, relation = (line.most, "at most") if line.most is not None else (line.least, "at least")
         met = None if value is None or limit is None else bool(
             value <= limit if line.most is not None else value >= limit)
         if fitted and line.key.startswith("bench/"):
             what += " (fitted to a bench)"
         if line.key == _REMAINDER and value is not None:
-            what += f" (in steps of {1e3 * sections['energy']['step_s']:g} ms)"
+            what += f" (in steps of {1e3 * at('energy/step_s'):g} ms)"
         text = None if value is None else line.form.format(line.scale * value)
-        rows.append({"what": what, "key": line.key, "value": value, "unit": line.unit, "paper": line.paper,
-                     "shown": line.form.format(0.0) if text and not float(text) else text,  # a zero has no sign
-                     "asked": None if limit is None else f"{relation} {line.scale * limit:g}", "met": met})
+        rows.append(SummaryRow(
+            what=what, key=line.key, value=value, unit=line.unit, paper=line.paper, met=met,
+            shown=line.form.format(0.0) if text and not float(text) else text,  # a zero has no sign
+            asked=None if limit is None else f"{relation} {line.scale * limit:g}"))
     for key, what in _ANSWERS:
-        value = found(key)
-        rows.append({"what": what, "key": key, "value": value, "unit": "", "paper": None, "asked": "yes", "met": value,
-                     "shown": None if value is None else "yes" if value else "no"})
-    return rows
+        value = at(key)
+        rows.append(SummaryRow(what=what, key=key, value=value, unit="", paper=None, asked="yes", met=value,
+                               shown=None if value is None else "yes" if value else "no"))
+    return tuple(rows)

@@ -32,6 +32,17 @@ from vsf_drake.analysis.comparison import (
     walk_axes,
 )
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
+from vsf_drake.analysis.validation.sensitivity_indices import (
+    Design,
+    Effect,
+    Index,
+    dropped,
+    morris_design,
+    morris_rows,
+    ranked,
+    sobol_design,
+    sobol_rows,
+)
 from vsf_drake.analysis.validation.study import (
     HELD_OUT,
     KEEP,
@@ -41,11 +52,11 @@ from vsf_drake.analysis.validation.study import (
     Section,
     Study,
     StudyWalk,
+    finite,
     known,
     rms,
     walkers_of,
 )
-from vsf_drake.files import plain
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
@@ -65,20 +76,121 @@ _QUOTED = 5
 """Failures that the table keeps in words."""
 
 
-def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Section:
-    """The sensitivity study; in its short form the screening of one walk alone. A table without arrays.
+@dataclass(frozen=True, kw_only=True)
+class FactorRange:
+    """One factor of the study: `low` to `high` is its range, about no change."""
 
-    By output: `baseline` (as the study has it, `mean` and `by_condition`), `morris` (rows of factors with mu, mu_star,
-    mu_star_conf, sigma), `morris_by_condition` (mu* by condition and factor), `stability` (lowest rank correlation of
-    mu* between two conditions), `ranking` (names by mu*), `sobol` (rows of groups with s1, st, their conf and wide, or
-    None), `sobol_factors` (the same of `strongest`), `interaction` and `interaction_conf` (share of the variance that
-    is of no group alone), `spread` (percentiles with everything uncertain), `explained` (variance with only the
-    strongest varied over that with all varied).
-    Else: `factors` (with local_grf_bw: change of the resultant for half the range, by exact derivatives; None in the
-    short form, which spares compiling them), `local_agreement` (rank correlation of that and the screening, or None),
-    `conditions`, `indexed` (the place of the one that indices and spread are of), `walks`, `unconverged`, `failures`
-    (count, examples, and by output what was dropped), `trajectories`, `samples`, `seed`, `quick`, `synthetic`.
-    """
+    name: str  # for people
+    group: str  # one of GROUPS
+    unit: str  # of `low` and `high`: "mm", "deg", "×" (times the study's value) or "1"
+    low: float
+    high: float
+    why: str  # where the range comes from
+    variables: tuple[str, ...]  # of the walker, which it changes together
+
+
+@dataclass(frozen=True, kw_only=True)
+class FactorRow(FactorRange):
+    """The same with its local effect."""
+
+    local_grf_bw: float | None
+    """Change of the resultant for half the range, by exact derivatives; None in the short form, which spares compiling
+    them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupedEffect(Effect):
+    """The same with the factor's group."""
+
+    group: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Baseline:
+    """An output as the study has it; None where it is not known."""
+
+    mean: float | None
+    by_condition: tuple[float | None, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputSpread:
+    """Mean, standard deviation and percentiles of an output with everything uncertain."""
+
+    mean: float
+    sd: float
+    p05: float
+    p50: float
+    p95: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Samples:
+    """Saltelli's blocks for groups and for single factors."""
+
+    groups: int
+    factors: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dropped:
+    """What was left out of an output's indices; None where nothing was walked."""
+
+    trajectories: int
+    group_blocks: int | None
+    factor_blocks: int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failures:
+    """Walks that failed; the first of the reasons, and what was dropped by output."""
+
+    count: int
+    examples: tuple[str, ...]
+    dropped: Mapping[str, Dropped]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkedCondition:
+    """The trial of a condition."""
+
+    label: str
+    fulcrum_mm: float
+    role: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensitivityTable:
+    """The sensitivity study; mappings are by output, None where nothing can be said."""
+
+    factors: tuple[FactorRow, ...]
+    conditions: tuple[WalkedCondition, ...]
+    indexed: int  # the place of the condition that indices and spread are of
+    strongest: tuple[str, ...]
+    walks: int
+    unconverged: int
+    trajectories: int
+    samples: Samples | None
+    seed: int
+    quick: bool
+    synthetic: bool
+    local_agreement: float | None  # rank correlation of the exact derivatives and the screening
+    failures: Failures
+    sobol: Mapping[str, tuple[Index, ...] | None]  # of groups
+    sobol_factors: Mapping[str, tuple[Index, ...] | None]  # of the strongest
+    morris: Mapping[str, tuple[GroupedEffect, ...] | None]
+    baseline: Mapping[str, Baseline]
+    morris_by_condition: Mapping[str, tuple[tuple[float, ...] | None, ...]]  # mu* by condition and factor
+    stability: Mapping[str, float | None]  # lowest rank correlation of mu* between two conditions
+    ranking: Mapping[str, tuple[str, ...]]  # names by mu*
+    interaction: Mapping[str, float | None]  # share of the variance that no index of first order has
+    interaction_conf: Mapping[str, float | None]  # half of its 95 % interval, as if these erred independently
+    spread: Mapping[str, OutputSpread | None]
+    explained: Mapping[str, float | None]  # variance with only the strongest varied over that with all varied
+
+
+def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Section[SensitivityTable]:
+    """The sensitivity study; in its short form the screening of one walk alone. A table without arrays."""
     quick, seed = study.options.quick, study.options.seed
     walked = chosen_walks(study, one=quick)
     show = progress or (lambda what, fraction: None)
@@ -107,37 +219,47 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
         single = None if quick or not few else run(
             sobol_design([factor.name for factor in few], FACTOR_SAMPLES, seed + 2), few, "Sobol indices of factors",
             [middle])
-    table: dict[str, Any] = {
-        "factors": [{key: value for key, value in dataclasses.asdict(factor).items() if key != "kind"}
-                    | {"local_grf_bw": None if local is None else local[i]} for i, factor in enumerate(factors)],
-        "conditions": [{"label": walk.label, "fulcrum_mm": walk.fulcrum_mm, "role": walk.role} for walk in walked],
-        "indexed": middle, "strongest": strongest, "walks": walks.walked, "unconverged": walks.unconverged,
-        "trajectories": len(screen.points) // screen.block,
-        "samples": None if quick else {"groups": GROUP_SAMPLES, "factors": FACTOR_SAMPLES}, "seed": seed,
-        "quick": quick, "synthetic": any(walk.trial.synthetic for walk in walked),
-        "local_agreement": None if morris["grf_rmse_bw"] is None or local is None else spearmanr(
-            [row["mu_star"] for row in morris["grf_rmse_bw"]], local).statistic,
-        "failures": {"count": len(walks.failures), "examples": walks.failures[:_QUOTED], "dropped": {}}}
-    for i, name in enumerate(OUTPUTS):
-        own = morris[name]
-        by_condition = [morris_rows(screen, screened.values[:, t, i], seed) for t in range(len(walked))]
-        effects = [None if rows is None else [row["mu_star"] for row in rows] for rows in by_condition]
-        groups, singles = (part and sobol_rows(part.design, part.of(i), seed) for part in (grouped, single))
-        table["failures"]["dropped"][name] = {what: part and dropped(part.design, part.of(i)) for what, part in (
-            ("trajectories", screened), ("group_blocks", grouped), ("factor_blocks", single))}
-        for key, value in {
-            "sobol": groups, "sobol_factors": singles,
-            "morris": own and [row | {"group": factor.group} for row, factor in zip(own, factors, strict=True)],
-            "baseline": {"mean": baseline[:, i].mean(), "by_condition": baseline[:, i]},
-            "morris_by_condition": effects, "stability": stability(effects), "ranking": ranked(own, "mu_star"),
-            # What no index of first order has, and half of its 95 % interval (as if they erred independently).
-            "interaction": groups and 1.0 - sum(row["s1"] for row in groups),
-            "interaction_conf": groups and np.linalg.norm([row["s1_conf"] for row in groups]),
-            "spread": spread(grouped, i), "explained": explained(grouped, single, i)}.items():
-            table.setdefault(key, {})[name] = value
+
+    sobol, sobol_factors = ({name: None if part is None else sobol_rows(part.design, part.of(i), seed)
+                             for i, name in enumerate(OUTPUTS)} for part in (grouped, single))
+    by_condition = {name: tuple(None if rows is None else tuple(row.mu_star for row in rows) for rows in (
+        morris_rows(screen, screened.values[:, t, i], seed) for t in range(len(walked))))
+        for i, name in enumerate(OUTPUTS)}
+    of_error = morris["grf_rmse_bw"]
+    table = SensitivityTable(
+        factors=tuple(FactorRow(local_grf_bw=None if local is None else float(local[i]), **{
+            one.name: getattr(factor, one.name) for one in dataclasses.fields(FactorRange)})
+            for i, factor in enumerate(factors)),
+        conditions=tuple(WalkedCondition(label=walk.label, fulcrum_mm=walk.fulcrum_mm, role=walk.role)
+                         for walk in walked),
+        indexed=middle, strongest=tuple(strongest), walks=walks.walked, unconverged=walks.unconverged,
+        trajectories=len(screen.points) // screen.block,
+        samples=None if quick else Samples(groups=GROUP_SAMPLES, factors=FACTOR_SAMPLES), seed=seed, quick=quick,
+        synthetic=any(walk.trial.synthetic for walk in walked),
+        local_agreement=None if of_error is None or local is None else finite(
+            spearmanr([row.mu_star for row in of_error], local).statistic),
+        failures=Failures(count=len(walks.failures), examples=tuple(walks.failures[:_QUOTED]), dropped={
+            name: Dropped(trajectories=dropped(screen, screened.of(i)),
+                          group_blocks=None if grouped is None else dropped(grouped.design, grouped.of(i)),
+                          factor_blocks=None if single is None else dropped(single.design, single.of(i)))
+            for i, name in enumerate(OUTPUTS)}),
+        sobol=sobol, sobol_factors=sobol_factors,
+        morris={name: None if rows is None else tuple(GroupedEffect(**vars(row), group=factor.group)
+                                     for row, factor in zip(rows, factors, strict=True))
+                for name, rows in morris.items()},
+        baseline={name: Baseline(mean=finite(baseline[:, i].mean()), by_condition=tuple(map(finite, baseline[:, i])))
+                  for i, name in enumerate(OUTPUTS)},
+        morris_by_condition=by_condition,
+        stability={name: stability(effects) for name, effects in by_condition.items()},
+        ranking={name: ranked(rows) for name, rows in morris.items()},
+        interaction={name: None if rows is None else 1.0 - sum(row.s1 for row in rows) for name, rows in sobol.items()},
+        interaction_conf={name: None if rows is None else float(np.linalg.norm([row.s1_conf for row in rows]))
+                          for name, rows in sobol.items()},
+        spread={name: output_spread(grouped, i) for i, name in enumerate(OUTPUTS)},
+        explained={name: explained(grouped, single, i) for i, name in enumerate(OUTPUTS)})
     without = [walk.label for walk in walked if not walk.trial.prosthetic_plate.has_cop]
-    return Section(table=plain(table), missing=tuple(say(
-        "sensitivity", "missing", quick=quick, trajectories=table["trajectories"], conditions=len(walked),
+    return Section(table=table, missing=tuple(say(
+        "sensitivity", "missing", quick=quick, trajectories=table.trajectories, conditions=len(walked),
         without_cop=without, failed=len(walks.failures), walks=walks.walked, without_effects=[
             name for name in OUTPUTS if morris[name] is None and not (without and name.startswith("cop_"))])))
 
@@ -145,21 +267,21 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
 def chosen_walks(study: Study, *, one: bool = False) -> tuple[StudyWalk, ...]:
     """One walk a condition, or only the middle condition's: the held-out one (any, where none is) nearest to the middle
     of the repeats."""
-    found = []
+    chosen_ones = []
     for repeats in study.conditions().values():
         held = [i for i, walk in enumerate(repeats) if walk.role == HELD_OUT] or range(len(repeats))
-        found.append(repeats[min(held, key=lambda i: abs(i - (len(repeats) - 1) / 2))])
-    return (found[len(found) // 2],) if one else tuple(found)
+        chosen_ones.append(repeats[min(held, key=lambda i: abs(i - (len(repeats) - 1) / 2))])
+    return (chosen_ones[len(chosen_ones) // 2],) if one else tuple(chosen_ones)
 
 
-def strongest_factors(morris: Mapping[str, Sequence[Mapping[str, Any]] | None]) -> list[str]:
+def strongest_factors(morris: Mapping[str, Sequence[Effect] | None]) -> list[str]:
     """The STRONGEST names by their largest share of the largest mu* of any of the MAIN outputs, strongest first."""
     share: dict[str, float] = {}
     for output in MAIN:
         rows = morris[output] or ()
-        most = max((row["mu_star"] for row in rows), default=0.0)
+        most = max((row.mu_star for row in rows), default=0.0)
         for row in rows if most > 0.0 else ():
-            share[row["name"]] = max(share.get(row["name"], 0.0), row["mu_star"] / most)
+            share[row.name] = max(share.get(row.name, 0.0), row.mu_star / most)
     return sorted(share, key=lambda name: -share[name])[:STRONGEST]
 
 
@@ -183,7 +305,7 @@ def value_slopes(trial: DesignTrial, factors: Sequence[Factor]) -> tuple[tuple[s
 def local_changes(trials: Sequence[DesignTrial], factors: Sequence[Factor]) -> np.ndarray:
     """(k,) root mean square change of the resultant GRF (BW, 40 Hz, scored instants) for half of each range: linear,
     about the study's values, mean over the trials."""
-    found = []
+    changes = []
     for trial in trials:
         names, slopes = value_slopes(trial, factors)
         run, c = trial.run(with_respect_to=names), trial.comparison
@@ -192,8 +314,8 @@ def local_changes(trials: Sequence[DesignTrial], factors: Sequence[Factor]) -> n
         force = c.model[c.scored]
         way = force / np.maximum(np.linalg.norm(force, axis=1), _LEAST_N)[:, None]
         change = 0.5 * np.einsum("ni,nik->nk", way, by) / trial.weight_n
-        found.append(np.sqrt(np.mean(change**2, axis=0)))
-    return np.asarray(np.mean(found, axis=0))
+        changes.append(np.sqrt(np.mean(change**2, axis=0)))
+    return np.asarray(np.mean(changes, axis=0))
 
 
 # What is read off the walked designs of the sensitivity study, by output.
@@ -215,16 +337,16 @@ class Walked:
     def independent(self, output: int) -> np.ndarray:
         """(n,) an output at the independent points of Saltelli's design: the first and the last of each whole block."""
         y = self.of(output)
-        return y[self.design.whole(y)].reshape(-1, self.design.block)[:, [0, -1]].ravel()
+        return np.asarray(y[self.design.whole(y)].reshape(-1, self.design.block)[:, [0, -1]].ravel())
 
 
-def spread(walked: Walked | None, output: int) -> dict[str, float] | None:
-    """Mean, standard deviation and PERCENTILES of an output over the uncertainty."""
+def output_spread(walked: Walked | None, output: int) -> OutputSpread | None:
+    """Of an output over the uncertainty; None below two points."""
     y = np.empty(0) if walked is None else walked.independent(output)
     if len(y) < 2:
         return None
-    return {"mean": float(y.mean()), "sd": float(y.std(ddof=1)),
-            **{f"p{p:02d}": float(np.percentile(y, p)) for p in PERCENTILES}}
+    p05, p50, p95 = np.percentile(y, PERCENTILES).tolist()
+    return OutputSpread(mean=float(y.mean()), sd=float(y.std(ddof=1)), p05=p05, p50=p50, p95=p95)
 
 
 def explained(every: Walked | None, few: Walked | None, output: int) -> float | None:
@@ -237,9 +359,9 @@ def explained(every: Walked | None, few: Walked | None, output: int) -> float | 
 
 def stability(by_condition: Sequence[Sequence[float] | None]) -> float | None:
     """The lowest rank correlation of mu* between two conditions; None of fewer than two."""
-    some = [effects for effects in by_condition if effects is not None]
-    pairs = [spearmanr(some[i], some[j]).statistic for i in range(len(some)) for j in range(i)]
-    return min(pairs) if pairs else None
+    effects = [one for one in by_condition if one is not None]
+    pairs = [spearmanr(effects[i], effects[j]).statistic for i in range(len(effects)) for j in range(i)]
+    return finite(min(pairs)) if pairs else None
 
 
 # The walks of the study: each point of a design walked in every trial, and what is read off each walk.
@@ -343,7 +465,7 @@ class DesignWalks:
 
     def baseline(self) -> np.ndarray:
         """(trials, len(OUTPUTS)) with every factor as the study has it."""
-        return self(np.zeros((1, 0)), factors=())[0]
+        return np.asarray(self(np.zeros((1, 0)), factors=())[0])
 
     def __call__(
         self, points: np.ndarray, *, factors: Sequence[Factor], trials: Sequence[int] | None = None,
@@ -390,17 +512,10 @@ FULCRUM_M = 5e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Factor:
-    """One factor of the study: `low` to `high` is its range, about no change."""
+class Factor(FactorRange):
+    """A factor with how it changes its variables."""
 
-    name: str  # for people
-    group: str  # one of GROUPS
-    unit: str  # of `low` and `high`: "mm", "deg", "×" (times the study's value) or "1"
-    low: float
-    high: float
-    why: str  # where the range comes from
-    variables: tuple[str, ...]  # of the walker, which it changes together
-    kind: str = SHIFT  # how it changes them
+    kind: str = SHIFT
 
     def value(self, share: float, limits: tuple[float, float] = (-math.inf, math.inf)) -> float:
         """What is added or multiplied (SI) at a share from 0 to 1 of the range, or of its part within `limits`."""
@@ -425,9 +540,9 @@ def sensitivity_factors(variables: Mapping[str, Variable], side: str) -> tuple[F
     def shift(name: str, group: str, unit: str, most: float, why: str, changed: str) -> Factor:
         return Factor(name=name, group=group, unit=unit, low=-most, high=most, why=why, variables=(changed,))
 
-    found = [ratio(f"{words[zone]} foam stiffness", CONTACT, 1.5, "the bench knows the foam under one load point, no "
+    factors = [ratio(f"{words[zone]} foam stiffness", CONTACT, 1.5, "the bench knows the foam under one load point, no "
                    "more", f"contact.{zone}.stiffness") for zone in zones]
-    found += [
+    factors += [
         Factor(name="foam exponent", group=CONTACT, unit="1", low=-0.2, high=0.2, kind=EXPONENT,
                variables=tuple(f"contact.{zone}.exponent" for zone in zones),
                why=f"foams differ; at the same force at {1e3 * REFERENCE_DEPTH_M:g} mm, so that no stiffness hides in "
@@ -463,7 +578,8 @@ def sensitivity_factors(variables: Mapping[str, Variable], side: str) -> tuple[F
         ratio("fulcrum stiffness", KEEL, 1.5, "calibrated to two published end points", "fulcrum.stiffness"),
         shift("fulcrum position", KEEL, "mm", 1e3 * FULCRUM_M, "the support has a width and its drive some play; "
               "inward only where it stands at an end of its reach", "fulcrum.shift")]
-    return tuple(factor for factor in found if factor.variables and all(name in variables for name in factor.variables))
+    return tuple(factor for factor in factors
+                 if factor.variables and all(name in variables for name in factor.variables))
 
 
 def values_at(
@@ -489,108 +605,3 @@ def values_at(
                 values[stiffness] = values.get(stiffness, variables[stiffness].default) * REFERENCE_DEPTH_M ** (
                     before - after)
     return values
-
-
-# Morris screening and Sobol indices of any function of shares of the factors' ranges, through SALib.
-#
-# A design is points (rows, k) in the unit cube; what it gives is values (rows, outputs), NaN where there is none.
-# Morris' trajectories and Saltelli's blocks are whole or dropped: each is a sample of its own, so that dropping one
-# removes information but shifts no other. Dropping is not blind to the cause: where values are missing because the
-# extreme points fail, the rest says less about those. The counts are therefore part of what comes out.
-#
-# Morris 1991 (doi 10.1080/00401706.1991.10484804), mu* of Campolongo 2007 (doi 10.1016/j.envsoft.2006.10.004); Sobol
-# indices by the estimators of Saltelli 2010 (doi 10.1016/j.cpc.2009.09.018); SALib (doi 10.21105/joss.00097).
-
-LEVELS = 4
-"""Of Morris' grid; a trajectory then steps over two thirds of each range."""
-RESAMPLES = 1000
-LEAST_TRAJECTORIES, LEAST_BLOCKS = 4, 16
-"""Below this many whole samples there is no result."""
-_FLAT = 1e-9
-"""An output that varies by less than this share of its size does not vary."""
-
-
-@dataclass(frozen=True, eq=False)
-class Design:
-    """Points at which a function is wanted."""
-
-    points: np.ndarray  # (rows, k) in the unit cube
-    block: int  # rows of one trajectory or of one of Saltelli's blocks
-    labels: tuple[str, ...]  # what indices are of: the factors, or their groups in the order of first appearance
-    problem: dict[str, Any]  # the same for SALib
-
-    def whole(self, y: np.ndarray) -> np.ndarray:
-        """(rows,) whether the row belongs to a block all of whose values y (rows,) are finite."""
-        return np.repeat(np.isfinite(y.reshape(-1, self.block)).all(axis=1), self.block)
-
-
-def _problem(names: Sequence[str], groups: Sequence[str] | None = None) -> dict[str, Any]:
-    return {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names),
-            "groups": None if groups is None else list(groups)}
-
-
-def morris_design(names: Sequence[str], trajectories: int, seed: int) -> Design:
-    """Trajectories that move every factor once; k + 1 points each."""
-    from SALib.sample import morris  # noqa: PLC0415 (it takes half a second to import)
-
-    problem = _problem(names)
-    return Design(morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)), len(names) + 1,
-                  tuple(names), problem)
-
-
-def sobol_design(names: Sequence[str], samples: int, seed: int, *, groups: Sequence[str] | None = None) -> Design:
-    """`samples` (a power of two) of Saltelli's blocks of k + 2 points, groups + 2 where indices are of the factors'
-    groups, on a scrambled Sobol sequence."""
-    from SALib.sample import sobol  # noqa: PLC0415
-
-    problem, labels = _problem(names, groups), tuple(dict.fromkeys(groups or names))
-    return Design(sobol.sample(problem, samples, calc_second_order=False, seed=_seed(seed)), len(labels) + 2, labels,
-                  problem)
-
-
-def morris_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
-    """Elementary effects of one output y (rows,) over the whole of each range, by factor: name, mu, mu_star,
-    mu_star_conf (half of the 95 % bootstrap interval), sigma, all in y's unit. None of too few whole trajectories."""
-    from SALib.analyze import morris  # noqa: PLC0415
-
-    kept = design.whole(y)
-    if np.count_nonzero(kept) < LEAST_TRAJECTORIES * design.block:
-        return None
-    found = morris.analyze(design.problem, design.points[kept], y[kept], num_resamples=RESAMPLES, num_levels=LEVELS,
-                           seed=_seed(seed))
-    return [{"name": name} | {key: float(found[key][i]) for key in ("mu", "mu_star", "mu_star_conf", "sigma")}
-            for i, name in enumerate(design.labels)]
-
-
-def sobol_rows(design: Design, y: np.ndarray, seed: int) -> list[dict[str, Any]] | None:
-    """Shares of the variance of one output y (rows,), by factor or group: name, s1, s1_conf, st, st_conf (first-order
-    and total index, half of the 95 % bootstrap intervals), s1_wide and st_wide (whether the interval is wider than the
-    index). None of too few whole blocks or of a constant output."""
-    from SALib.analyze import sobol  # noqa: PLC0415
-
-    kept = design.whole(y)
-    if np.count_nonzero(kept) < LEAST_BLOCKS * design.block or np.ptp(y[kept]) <= _FLAT * np.abs(y[kept]).max():
-        return None
-    found = sobol.analyze(design.problem, y[kept], calc_second_order=False, num_resamples=RESAMPLES, seed=_seed(seed))
-    rows = []
-    for i, name in enumerate(design.labels):
-        row = {key: float(found[theirs][i]) for key, theirs in (
-            ("s1", "S1"), ("s1_conf", "S1_conf"), ("st", "ST"), ("st_conf", "ST_conf"))}
-        rows.append({"name": name, **row, **{f"{index}_wide": 2.0 * row[f"{index}_conf"] > row[index]
-                                             for index in ("s1", "st")}})
-    return rows
-
-
-def dropped(design: Design, y: np.ndarray) -> int:
-    """How many blocks were dropped."""
-    return int(np.count_nonzero(~design.whole(y))) // design.block
-
-
-def ranked(rows: Sequence[Mapping[str, Any]] | None, key: str) -> list[str]:
-    """Names by falling value of `key`."""
-    return [row["name"] for row in sorted(rows or (), key=lambda row: -row[key])]
-
-
-def _seed(seed: int) -> int:
-    """SALib takes a seed of 0 for none."""
-    return seed + 1

@@ -38,11 +38,9 @@ large in four cases of five.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations, pairwise
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -65,12 +63,13 @@ from vsf_drake.analysis.validation.study import (
     Progress,
     Section,
     Study,
+    finite,
     reached,
     rms,
     spread,
 )
 from vsf_drake.errors import InputError
-from vsf_drake.files import plain
+from vsf_drake.files import flat
 from vsf_drake.parameters import FootParameters
 from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
@@ -88,19 +87,162 @@ REFERENCE_MM = 42.0
 CURVES = {"resultant": "BW", "cop": "FL"}
 
 
-def settings_section(study: Study, *, progress: Progress | None = None) -> Section:
-    """The section "Can two settings be told apart?".
+@dataclass(frozen=True, kw_only=True)
+class OutcomeRow:
+    """One outcome around the middle of the range, in its unit; None for what is not known.
 
-    `table`: `answer`; `outcomes`, `pairs`, `curves`, `as_walked` (rows); `inverse` with its `fulcrum_estimate_sd_mm`
-    beside it; `noise`, `draws` (sessions a trial), `walks`, `seed`, `trials`, `positions_mm`, `stiffness_n_per_mm`.
-    `arrays`: `effects` (T, P, O) without noise.
+    `limits` by design D, with "noise_" before those of the noise alone: the smallest detectable difference `sdd_D`,
+    its Monte Carlo standard error `sdd_error_D`; the smallest travel of the fulcrum, `smallest_travel_mm_D` and by the
+    noise `noise_travel_mm_D`, and what the former changes the stiffness by, `smallest_change_n_per_mm_D`.
     """
+
+    name: str
+    title: str
+    unit: str
+    effect: float | None  # of REFERENCE_MM
+    effect_ends: float | None  # of the whole range
+    effect_ends_sd: float | None
+    model_error_mean: float | None
+    model_error_sd: float | None
+    model_error_n: int
+    limits: Mapping[str, float | None] = flat()
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairRow:
+    """One outcome and pair of positions with the motion held; `limits` are `sdd_D` and `told_apart_D` by design, with
+    "noise_" before those of the noise alone."""
+
+    outcome: str
+    from_mm: float
+    to_mm: float
+    effect: float | None
+    effect_sd: float | None
+    limits: Mapping[str, float | bool | None] = flat()
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurveRow:
+    """One curve and pair: root mean square over stance of the difference; `noise` by design is that of the noise in it
+    (standard deviation), `rms_noise_D`, and the share of stance in which the difference exceeds t times it, `share_D`.
+    """
+
+    curve: str
+    unit: str
+    from_mm: float
+    to_mm: float
+    rms_difference: float | None
+    noise: Mapping[str, float | None] = flat()
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkedPair:
+    """One outcome and pair of recorded settings, each walked with its own motion: differences of their means."""
+
+    outcome: str
+    from_mm: float
+    to_mm: float
+    trials_from: int
+    trials_to: int
+    simulated: float | None
+    measured: float | None
+    error: float | None
+    error_half_width: float | None  # t times the standard error of what the model errs by in it
+    told_apart: bool | None
+    stride_half_width: float | None  # the same of the strides' own scatter
+    beyond_strides: bool | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkedCurve:
+    """Root mean square over stance between the mean resultants of two recorded settings."""
+
+    from_mm: float
+    to_mm: float
+    measured_bw: float | None
+    simulated_bw: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class InverseRow:
+    """Where one trial's fulcrum (mm) seems to be: without noise, and of the noisy estimates. `sd_mm` is over sessions
+    and recordings, `sd_recording_mm` over recordings alone; `model_...` are with the model's own walk as target."""
+
+    label: str
+    role: str
+    fulcrum_mm: float
+    interior: bool
+    estimate_mm: float | None
+    mean_mm: float | None
+    sd_mm: float | None
+    sd_recording_mm: float | None
+    edge_share: float  # at an end of the range
+    model_mean_mm: float | None
+    model_sd_mm: float | None
+    model_sd_recording_mm: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inverse:
+    """The estimates of all trials; pooled are the first three over the interior ones, the model's over all."""
+
+    rows: tuple[InverseRow, ...]
+    middle_mm: float
+    draws: int
+    trials_interior: int
+    sd_mm: float | None
+    sd_recording_mm: float | None
+    bias_rms_mm: float | None
+    model_sd_mm: float | None
+    model_sd_recording_mm: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialOf:
+    """A trial, the position it was recorded at, and what the fit has seen of it."""
+
+    label: str
+    fulcrum_mm: float
+    role: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettingsTable:
+    """The section "Can two settings be told apart?"; with the first six alone if nothing could be walked."""
+
+    answer: str
+    outcomes: tuple[OutcomeRow, ...]
+    pairs: tuple[PairRow, ...]
+    draws: int  # sessions a trial
+    seed: int
+    fulcrum_estimate_sd_mm: float | None
+    confidence: float = CONFIDENCE
+    positions_mm: tuple[float, ...] = ()
+    stiffness_n_per_mm: tuple[float, ...] = ()
+    recordings_a_draw: int = RECORDINGS
+    walks: int = 0
+    failed_walks: int = 0
+    synthetic: bool = True
+    noise: NoiseSizes = field(default_factory=NoiseSizes)
+    quick: bool = False
+    held_out_trials: int = 0
+    held_out_rmse_bw: float | None = None
+    trials: tuple[TrialOf, ...] = ()
+    names: tuple[str, ...] = NAMES
+    curves: tuple[CurveRow, ...] = ()
+    as_walked: tuple[WalkedPair, ...] = ()
+    as_walked_curves: tuple[WalkedCurve, ...] = ()
+    inverse: Inverse | None = None
+
+
+def settings_section(study: Study, *, progress: Progress | None = None) -> Section[SettingsTable]:
+    """The section "Can two settings be told apart?". Arrays: `effects` (T, P, O) without noise."""
     quick, seed = study.options.quick, study.options.seed
     bases, unusable, left_out = _bases(study)
     unused = say("settings", "unused", unusable=unusable, left_out=left_out)
     if not bases:
-        return Section(table={"answer": "No walk of this study can tell.", "outcomes": [], "pairs": [], "draws": 0,
-                              "seed": seed, "fulcrum_estimate_sd_mm": None}, missing=tuple(unused))
+        return Section(table=SettingsTable(answer="No walk of this study can tell.", outcomes=(), pairs=(), draws=0,
+                                           seed=seed, fulcrum_estimate_sd_mm=None), missing=tuple(unused))
     positions, foot = np.array(PUBLISHED_FULCRUMS_M), study.model.foot
     if len(reached(foot, positions)) < len(positions):  # then as many over the carriage's reach
         positions = np.linspace(foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m, len(positions))
@@ -116,43 +258,43 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
                                  ).reshape(-1, len(NAMES)))
     stiffness, at_positions = _stiffness(foot, positions)
     inverse = inverse_table(positions_mm, walked)
-    table: dict[str, Any] = plain({
-        "confidence": CONFIDENCE, "positions_mm": positions_mm, "stiffness_n_per_mm": at_positions,
-        "draws": draws, "recordings_a_draw": RECORDINGS, "seed": seed, "walks": clean * (1 + RECORDINGS * draws),
-        "failed_walks": sum(w.failed for w in walked), "synthetic": study.synthetic,
-        "noise": dataclasses.asdict(NoiseSizes()), "quick": quick, "held_out_trials": len(held_out),
-        "held_out_rmse_bw": spread(base.walk.metrics.grf_rmse_bw for base in held_out)["mean"],
-        "trials": [{"label": b.walk.label, "fulcrum_mm": b.walk.fulcrum_mm, "role": b.walk.role} for b in bases],
-        "outcomes": outcome_rows(positions_mm, walked, model, stiffness), "names": NAMES,
-        "pairs": pair_rows(positions_mm, walked, model), "curves": curve_rows(positions_mm, walked),
-        "as_walked": walked_rows(bases), "as_walked_curves": _walked_curves(bases), "inverse": inverse,
-        "fulcrum_estimate_sd_mm": inverse["sd_mm"]})
-    table["answer"] = answer(table)
+    outcomes, pairs = outcome_rows(positions_mm, walked, model, stiffness), pair_rows(positions_mm, walked, model)
+    as_walked = walked_rows(bases)
+    table = SettingsTable(
+        answer=answer(positions_mm.tolist(), outcomes, pairs, as_walked), outcomes=tuple(outcomes), pairs=tuple(pairs),
+        draws=draws, seed=seed, fulcrum_estimate_sd_mm=inverse.sd_mm, positions_mm=tuple(positions_mm.tolist()),
+        stiffness_n_per_mm=tuple(at_positions.tolist()), walks=clean * (1 + RECORDINGS * draws),
+        failed_walks=sum(w.failed for w in walked), synthetic=study.synthetic, quick=quick,
+        held_out_trials=len(held_out),
+        held_out_rmse_bw=spread(base.walk.metrics.grf_rmse_bw for base in held_out).mean,
+        trials=tuple(TrialOf(label=b.walk.label, fulcrum_mm=b.walk.fulcrum_mm, role=b.walk.role) for b in bases),
+        curves=tuple(curve_rows(positions_mm, walked)), as_walked=tuple(as_walked),
+        as_walked_curves=tuple(_walked_curves(bases)), inverse=inverse)
     return Section(table=table, arrays={"effects": np.array([w.alone["values"] for w in walked])},
                    missing=tuple(unused + say(
         "settings", "missing", held_out=len(held_out), fewest=FEWEST, conditions=len(study.conditions()),
         own_plates=any(base.walk.role == OFFSETS_FITTED for base in bases),
         has_cop=any(base.walk.trial.prosthetic_plate.has_cop for base in bases),
-        interior=table["fulcrum_estimate_sd_mm"] is not None, failed=table["failed_walks"], quick=quick)))
+        interior=inverse.sd_mm is not None, failed=table.failed_walks, quick=quick)))
 
 
 def _bases(study: Study) -> tuple[list[Base], list[tuple[str, str]], list[str]]:
     """Trials that are walked, by setting and name (held-out ones first where there are too many of a setting); those
     that cannot be, and why; those that are left out."""
     most = QUICK_A_SETTING if study.options.quick else MOST_A_SETTING
-    found: list[Base] = []
+    bases: list[Base] = []
     unusable, left_out = [], []
     for walks in study.conditions().values():
-        before = len(found)
+        before = len(bases)
         for walk in sorted(walks, key=lambda w: w.role != HELD_OUT):
-            if len(found) - before == most or len(found) == MOST_TRIALS:
+            if len(bases) - before == most or len(bases) == MOST_TRIALS:
                 left_out.append(walk.label)
                 continue
             try:
-                found.append(base_of(walk))
+                bases.append(base_of(walk))
             except InputError as error:
                 unusable.append((walk.label, error.what))
-    return sorted(found, key=lambda base: (base.walk.fulcrum_mm, base.walk.label)), unusable, left_out
+    return sorted(bases, key=lambda base: (base.walk.fulcrum_mm, base.walk.label)), unusable, left_out
 
 
 def _stiffness(foot: FootParameters, positions: np.ndarray) -> tuple[Callable[[float], float], np.ndarray]:
@@ -160,40 +302,42 @@ def _stiffness(foot: FootParameters, positions: np.ndarray) -> tuple[Callable[[f
     `positions` (m)."""
     dense = np.linspace(positions[0], positions[-1], 9)
     both = np.concatenate([dense, positions])
-    found = 1e-3 * BenchStiffness(foot, fulcrums_m=tuple(both), heel=False).evaluate({})[0]
-    curve = PchipInterpolator(1e3 * dense, found[:len(dense)])
-    return lambda at: float(curve(at)), found[len(dense):]
+    stiffness = 1e-3 * BenchStiffness(foot, fulcrums_m=tuple(both), heel=False).evaluate({})[0]
+    curve = PchipInterpolator(1e3 * dense, stiffness[:len(dense)])
+    return lambda at: float(curve(at)), stiffness[len(dense):]
 
 
-def answer(table: Mapping[str, Any]) -> str:
-    """Two sentences: with the motion held, and as the settings were walked."""
-    known = any(row["sdd_same_recording"] is not None for row in table["outcomes"])
+def answer(
+    at: Sequence[float], outcomes: Sequence[OutcomeRow], pairs: Sequence[PairRow], as_walked: Sequence[WalkedPair]
+) -> str:
+    """Two sentences: with the motion held at positions `at` (mm), and as the settings were walked."""
+    known = any(row.limits["sdd_same_recording"] is not None for row in outcomes)
     prefix, travel = ("", "smallest") if known else ("noise_", "noise")  # of keys: with the model's error, or without
-    at = table["positions_mm"]
 
-    def told(pairs: Sequence[tuple[float, float]]) -> tuple[int, int]:
-        found = [row[f"{prefix}told_apart_same_recording"] for row in table["pairs"]
-                 if (row["from_mm"], row["to_mm"]) in pairs]
-        return found.count(True), len(found) - found.count(None)
+    def counts(wanted: Sequence[tuple[float, float]]) -> tuple[int, int]:
+        """How many are told apart, of how many that are known."""
+        verdicts = [row.limits[f"{prefix}told_apart_same_recording"] for row in pairs
+                    if (row.from_mm, row.to_mm) in wanted]
+        return verdicts.count(True), len(verdicts) - verdicts.count(None)
 
-    def best(design: str) -> Mapping[str, Any] | None:
-        rows = [row for row in table["outcomes"] if row[f"{travel}_travel_mm_{design}"] is not None]
-        return min(rows, key=lambda row: row[f"{travel}_travel_mm_{design}"], default=None)
+    def best(design: str) -> tuple[float, str, float | None] | None:
+        """The smallest travel (mm), of which outcome, and its change of stiffness in the same recording."""
+        rows = [(mm, row.title, row.limits["smallest_change_n_per_mm_same_recording"]) for row in outcomes
+                if (mm := row.limits[f"{travel}_travel_mm_{design}"]) is not None]
+        return min(rows, key=lambda row: row[0], default=None)
 
-    sharp = "same_recording" if known else "same_session"
-    sharpest, apart = best(sharp), best("two_sessions")
-    rows = table["as_walked"]
-    far = [row for row in rows if row["to_mm"] - row["from_mm"] == max(r["to_mm"] - r["from_mm"] for r in rows)]
-    judged = [row for row in far if row["told_apart"] is not None]
-    titles = {row["name"]: row["title"] for row in table["outcomes"]}
+    sharpest, apart = best("same_recording" if known else "same_session"), best("two_sessions")
+    far = [row for row in as_walked
+           if row.to_mm - row.from_mm == max(other.to_mm - other.from_mm for other in as_walked)]
+    judged = [row for row in far if row.told_apart is not None]
+    titles = {row.name: row.title for row in outcomes}
     return say(
-        "settings", "answer", low=at[0], high=at[-1], ends=told([(at[0], at[-1])]), neighbours=told(list(pairwise(at))),
-        with_error=known, sharpest=sharpest and (sharpest[f"{travel}_travel_mm_{sharp}"], sharpest["title"]),
-        change=sharpest["smallest_change_n_per_mm_same_recording"] if sharpest and known else None,
-        apart_mm=apart and apart[f"{travel}_travel_mm_two_sessions"],
-        walked=judged and {"from_mm": judged[0]["from_mm"], "to_mm": judged[0]["to_mm"], "known": len(judged)},
-        walked_names=[titles[row["outcome"]] for row in judged if row["told_apart"]],
-        energy_names=[titles[row["outcome"]] for row in far if row["told_apart"] is None and row["beyond_strides"]])[0]
+        "settings", "answer", low=at[0], high=at[-1], ends=counts([(at[0], at[-1])]),
+        neighbours=counts(list(pairwise(at))), with_error=known, sharpest=sharpest and sharpest[:2],
+        change=sharpest[2] if sharpest and known else None, apart_mm=apart and apart[0],
+        walked=judged and {"from_mm": judged[0].from_mm, "to_mm": judged[0].to_mm, "known": len(judged)},
+        walked_names=[titles[row.outcome] for row in judged if row.told_apart],
+        energy_names=[titles[row.outcome] for row in far if row.told_apart is None and row.beyond_strides])[0]
 
 
 # The statistics. What is not known is NaN; means, deviations and counts are of what is known.
@@ -287,11 +431,9 @@ def _mean(values: np.ndarray) -> np.ndarray:
 
 def outcome_rows(
     positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelError, stiffness: Callable[[float], float]
-) -> list[dict[str, Any]]:
-    """One row an outcome: what is detectable around the middle of the range, in its unit, in mm and in N/mm.
-
-    `stiffness` is that of the foot on the bench (N/mm) with the fulcrum at a position (mm).
-    """
+) -> list[OutcomeRow]:
+    """What is detectable around the middle of the range; `stiffness` (N/mm) is that of the foot on the bench with the
+    fulcrum at a position (mm)."""
     middle, reach = 0.5 * (positions_mm[0] + positions_mm[-1]), positions_mm[-1] - positions_mm[0]
     apart = np.unique(np.append(np.arange(1.0, reach, 1.0), [min(REFERENCE_MM, reach), reach]))
     reference = int(np.flatnonzero(apart == min(REFERENCE_MM, reach))[0])
@@ -302,26 +444,29 @@ def outcome_rows(
     noises = {design: noise_variance(design, *ends[1]) for design in DESIGNS}
     rows = []
     for o, name in enumerate(NAMES):
-        row: dict[str, Any] = {
-            "name": name, "title": OUTCOMES[name][0], "unit": OUTCOMES[name][1], "effect": effect[reference, o],
-            "effect_ends": effect[-1, o], "effect_ends_sd": spread(effects[:, -1, o])["sd"],
-            "model_error_mean": model.mean[o], "model_error_sd": model.sd[o], "model_error_n": int(model.count[o])}
+        limits: dict[str, float | None] = {}
         for design, noise in noises.items():
             for prefix, way, error in (("", "smallest", model), ("noise_", "noise", None)):
                 limit = detectable(noise, error)[:, o]
-                row |= {f"{prefix}sdd_{design}": limit[reference],
-                        f"{prefix}sdd_error_{design}": detectable_error(noise, error)[reference, o],
-                        f"{way}_travel_mm_{design}": np.nan if (way, design) == ("noise", "same_recording")
-                        else smallest_travel(apart, effect[:, o], limit)}
-            travel = row[f"smallest_travel_mm_{design}"]
-            row[f"smallest_change_n_per_mm_{design}"] = (
-                stiffness(middle + travel / 2) - stiffness(middle - travel / 2) if np.isfinite(travel) else np.nan)
-        rows.append(row)
+                # in the same recording effect and noise vanish together: no travel is too small
+                travel = np.nan if (way, design) == ("noise", "same_recording") else smallest_travel(
+                    apart, effect[:, o], limit)
+                limits |= {f"{prefix}sdd_{design}": finite(limit[reference]),
+                           f"{prefix}sdd_error_{design}": finite(detectable_error(noise, error)[reference, o]),
+                           f"{way}_travel_mm_{design}": finite(travel)}
+                if way == "smallest":
+                    limits[f"smallest_change_n_per_mm_{design}"] = None if np.isnan(travel) else (
+                        stiffness(middle + travel / 2) - stiffness(middle - travel / 2))
+        rows.append(OutcomeRow(
+            name=name, title=OUTCOMES[name][0], unit=OUTCOMES[name][1], effect=finite(effect[reference, o]),
+            effect_ends=finite(effect[-1, o]), effect_ends_sd=spread(effects[:, -1, o]).sd,
+            model_error_mean=finite(model.mean[o]), model_error_sd=finite(model.sd[o]),
+            model_error_n=int(model.count[o]), limits=limits))
     return rows
 
 
-def pair_rows(positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelError) -> list[dict[str, Any]]:
-    """One row an outcome and pair of positions: the effect with the motion held, and whether it exceeds the error."""
+def pair_rows(positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelError) -> list[PairRow]:
+    """The effect of each pair of positions with the motion held, and whether it exceeds the error."""
     base, noisy = _both(walked, "values")
     rows = []
     for i, j in combinations(range(len(positions_mm)), 2):
@@ -330,38 +475,39 @@ def pair_rows(positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelEr
         limits = {(design, prefix): detectable(noise_variance(design, noisy[..., i, :], noisy[..., j, :]), error)
                   for design in DESIGNS for prefix, error in (("", model), ("noise_", None))}
         for o, name in enumerate(NAMES):
-            rows.append({"outcome": name, "from_mm": positions_mm[i], "to_mm": positions_mm[j],
-                         "effect": effect[o], "effect_sd": spread(effects[:, o])["sd"]})
+            judged: dict[str, float | bool | None] = {}
             for (design, prefix), limit in limits.items():
-                rows[-1] |= {f"{prefix}sdd_{design}": limit[o],
-                             f"{prefix}told_apart_{design}": _exceeds(effect[o], limit[o])}
+                judged |= {f"{prefix}sdd_{design}": finite(limit[o]),
+                           f"{prefix}told_apart_{design}": _exceeds(effect[o], limit[o])}
+            rows.append(PairRow(outcome=name, from_mm=float(positions_mm[i]), to_mm=float(positions_mm[j]),
+                                effect=finite(effect[o]), effect_sd=spread(effects[:, o]).sd, limits=judged))
     return rows
 
 
-def curve_rows(positions_mm: np.ndarray, walked: Sequence[Walked]) -> list[dict[str, Any]]:
-    """One row a curve and pair: root mean square over stance of the difference and of its noise (standard deviation),
-    and the share of stance in which the difference exceeds t times the noise, each percent for itself."""
+def curve_rows(positions_mm: np.ndarray, walked: Sequence[Walked]) -> list[CurveRow]:
+    """The difference of whole curves for each pair of positions, each percent of stance for itself."""
     rows = []
     for name, unit in CURVES.items():
         base, noisy = _both(walked, name)
         for i, j in combinations(range(len(positions_mm)), 2):
             difference = _mean(base[:, j] - base[:, i])
-            known = np.isfinite(difference)
-            rows.append({"curve": name, "unit": unit, "from_mm": positions_mm[i], "to_mm": positions_mm[j],
-                         "rms_difference": rms(difference)})
+            known, noise = np.isfinite(difference), dict[str, float | None]()
             for design in DESIGNS:
-                noise = noise_variance(design, noisy[..., i, :], noisy[..., j, :])
-                beyond = np.abs(difference[known]) > detectable(noise)[known]
-                rows[-1] |= {f"rms_noise_{design}": rms(np.sqrt(noise.value[known])),
-                             f"share_{design}": float(beyond.mean()) if known.any() else np.nan}
+                own = noise_variance(design, noisy[..., i, :], noisy[..., j, :])
+                beyond = np.abs(difference[known]) > detectable(own)[known]
+                noise |= {f"rms_noise_{design}": finite(rms(np.sqrt(own.value[known]))),
+                          f"share_{design}": float(beyond.mean()) if known.any() else None}
+            rows.append(CurveRow(curve=name, unit=unit, from_mm=float(positions_mm[i]), to_mm=float(positions_mm[j]),
+                                 rms_difference=finite(rms(difference)), noise=noise))
     return rows
 
 
-def walked_rows(bases: Sequence[Base]) -> list[dict[str, Any]]:
-    """One row an outcome and pair of recorded settings, each walked with its own motion: what the plates and the model
-    say the difference of their means is, t times the standard error of what the model errs by in it, and the same of
-    the strides' own scatter. Told apart if both differences exceed both, with the same sign: strides differ from one to
-    the next at one setting too, and a model that follows each of them well tells the strides apart, not the settings.
+def walked_rows(bases: Sequence[Base]) -> list[WalkedPair]:
+    """What plates and model say of recorded settings, each walked with its own motion.
+
+    Told apart if both differences exceed t times both standard errors, of what the model errs by and of the strides'
+    own scatter, with the same sign: strides differ from one to the next at one setting too, and a model that follows
+    each of them well tells the strides apart, not the settings.
 
     The walks that the fit has seen are left out if two settings have others; what the model errs by is told by held-out
     walks alone.
@@ -383,25 +529,25 @@ def walked_rows(bases: Sequence[Base]) -> list[dict[str, Any]]:
         width = quantile(freedom) * np.sqrt(1.0 / member[i].sum() + 1.0 / member[j].sum())
         for o, name in enumerate(NAMES):
             limit = width * np.maximum(error_sd, stride_sd)[o]
-            said = _exceeds(of_model[o], limit), _exceeds(of_plate[o], limit)
-            rows.append({
-                "outcome": name, "from_mm": settings[i], "to_mm": settings[j], "trials_from": int(member[i].sum()),
-                "trials_to": int(member[j].sum()), "simulated": of_model[o], "measured": of_plate[o],
-                "error": of_model[o] - of_plate[o], "error_half_width": width * error_sd[o],
-                "told_apart": None if None in said else bool(all(said) and of_model[o] * of_plate[o] > 0.0),
-                "stride_half_width": width * stride_sd[o],
-                "beyond_strides": _exceeds(of_model[o], width * stride_sd[o])})
+            verdicts = _exceeds(of_model[o], limit), _exceeds(of_plate[o], limit)
+            rows.append(WalkedPair(
+                outcome=name, from_mm=settings[i], to_mm=settings[j], trials_from=int(member[i].sum()),
+                trials_to=int(member[j].sum()), simulated=finite(of_model[o]), measured=finite(of_plate[o]),
+                error=finite(of_model[o] - of_plate[o]), error_half_width=finite(width * error_sd[o]),
+                told_apart=None if None in verdicts else bool(all(verdicts) and of_model[o] * of_plate[o] > 0.0),
+                stride_half_width=finite(width * stride_sd[o]),
+                beyond_strides=_exceeds(of_model[o], width * stride_sd[o])))
     return rows
 
 
-def _walked_curves(bases: Sequence[Base]) -> list[dict[str, Any]]:
-    """Root mean square over stance between the mean resultants of two recorded settings, measured and simulated."""
+def _walked_curves(bases: Sequence[Base]) -> list[WalkedCurve]:
     settings = sorted({base.walk.fulcrum_mm for base in bases})
     means = {(kind, x): np.mean([getattr(b, kind).resultant for b in bases if b.walk.fulcrum_mm == x], axis=0)
              for kind in ("measured", "simulated") for x in settings}
-    return [{"from_mm": a, "to_mm": b, **{
-        f"{kind}_bw": float(np.sqrt(np.mean((means[kind, b] - means[kind, a]) ** 2)))
-        for kind in ("measured", "simulated")}} for a, b in combinations(settings, 2)]
+    apart = {(kind, a, b): finite(np.sqrt(np.mean((means[kind, b] - means[kind, a]) ** 2)))
+             for kind in ("measured", "simulated") for a, b in combinations(settings, 2)}
+    return [WalkedCurve(from_mm=a, to_mm=b, measured_bw=apart["measured", a, b], simulated_bw=apart["simulated", a, b])
+            for a, b in combinations(settings, 2)]
 
 
 def _both(walked: Sequence[Walked], name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -412,8 +558,8 @@ def _both(walked: Sequence[Walked], name: str) -> tuple[np.ndarray, np.ndarray]:
 def _between(positions: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Monotone cubics along the last axis but one, which is of positions; NaN where any position is missing."""
     whole = np.isfinite(values).all(axis=-2, keepdims=True)
-    found = PchipInterpolator(positions, np.where(whole, values, 0.0), axis=-2)(at)
-    return np.asarray(np.where(whole, found, np.nan))
+    between = PchipInterpolator(positions, np.where(whole, values, 0.0), axis=-2)(at)
+    return np.asarray(np.where(whole, between, np.nan))
 
 
 def _pooled(values: np.ndarray, member: Sequence[np.ndarray]) -> np.ndarray:
@@ -446,52 +592,48 @@ def fulcrum_estimates(positions_mm: np.ndarray, locked: np.ndarray, target: np.n
     """(...) mm, the position at which the resultants `locked` (..., P, n) at positions (P,), rising, fit `target` (n,)
     best; NaN where a walk is missing."""
     fine = np.append(np.arange(positions_mm[0], positions_mm[-1], FINE_MM), positions_mm[-1])
-    flat = locked.reshape(-1, *locked.shape[-2:])
-    found = np.full(len(flat), np.nan)
-    for i, curves in enumerate(flat):
+    walks = locked.reshape(-1, *locked.shape[-2:])
+    estimates = np.full(len(walks), np.nan)
+    for i, curves in enumerate(walks):
         if np.isfinite(curves).all():
             error = np.mean((PchipInterpolator(positions_mm, curves, axis=0)(fine) - target) ** 2, axis=1)
-            found[i] = _lowest(fine, error)
-    return found.reshape(locked.shape[:-2])
+            estimates[i] = _lowest(fine, error)
+    return estimates.reshape(locked.shape[:-2])
 
 
-def inverse_table(positions_mm: np.ndarray, walked: Sequence[Walked]) -> dict[str, Any]:
-    """What the estimates say; mm.
-
-    `rows`, one a trial: label, role, fulcrum_mm, interior, estimate_mm without noise, and of the noisy estimates
-    mean_mm, sd_mm (session and recording), sd_recording_mm (recording alone) and edge_share; the same with the
-    model's own walk at the middle as target (model_...). Then pooled over trials: sd_mm, sd_recording_mm,
-    bias_rms_mm of the interior ones, model_sd_mm, model_sd_recording_mm of all; NaN for what no trial tells.
-    """
+def inverse_table(positions_mm: np.ndarray, walked: Sequence[Walked]) -> Inverse:
+    """What the estimates say."""
     middle = 0.5 * (positions_mm[0] + positions_mm[-1])
-    rows: list[dict[str, Any]] = []
+    rows = []
     for w in walked:
         base, locked = w.base, w.alone["locked"]
         plate = np.interp(w.time_s, base.measured.time_s, base.measured.locked)
         own = PchipInterpolator(positions_mm, locked, axis=0)(middle) if np.isfinite(locked).all() \
             else np.full(len(w.time_s), np.nan)
         noisy, virtual = (fulcrum_estimates(positions_mm, w.noisy["locked"], target) for target in (plate, own))
+        (mean, sd, sd_recording), (model_mean, model_sd, model_recording) = _spreads(noisy), _spreads(virtual)
         at = base.walk.fulcrum_mm
         edge = (noisy <= positions_mm[0]) | (noisy >= positions_mm[-1])
-        rows.append({
-            "label": base.walk.label, "role": base.walk.role, "fulcrum_mm": at,
-            "interior": bool(positions_mm[0] + 1.0 < at < positions_mm[-1] - 1.0),
-            "estimate_mm": float(fulcrum_estimates(positions_mm, locked, plate)),
-            **_spreads("", noisy), "edge_share": float(np.mean(edge)), **_spreads("model_", virtual)})
-    interior = [row for row in rows if row["interior"]]
-    return {
-        "rows": rows, "middle_mm": float(middle), "draws": sum(w.noisy["locked"].shape[0] for w in walked),
-        "trials_interior": len(interior),
-        **{key: rms([row[key] for row in interior]) for key in ("sd_mm", "sd_recording_mm")},
-        "bias_rms_mm": rms([row["estimate_mm"] - row["fulcrum_mm"] for row in interior]),
-        **{key: rms([row[key] for row in rows]) for key in ("model_sd_mm", "model_sd_recording_mm")}}
+        rows.append(InverseRow(
+            label=base.walk.label, role=base.walk.role, fulcrum_mm=at,
+            interior=bool(positions_mm[0] + 1.0 < at < positions_mm[-1] - 1.0),
+            estimate_mm=finite(float(fulcrum_estimates(positions_mm, locked, plate))), mean_mm=mean, sd_mm=sd,
+            sd_recording_mm=sd_recording, edge_share=float(np.mean(edge)), model_mean_mm=model_mean,
+            model_sd_mm=model_sd, model_sd_recording_mm=model_recording))
+    interior = [row for row in rows if row.interior]
+    return Inverse(
+        rows=tuple(rows), middle_mm=float(middle), draws=sum(w.noisy["locked"].shape[0] for w in walked),
+        trials_interior=len(interior), sd_mm=finite(rms(row.sd_mm for row in interior)),
+        sd_recording_mm=finite(rms(row.sd_recording_mm for row in interior)),
+        bias_rms_mm=finite(rms(row.estimate_mm - row.fulcrum_mm for row in interior if row.estimate_mm is not None)),
+        model_sd_mm=finite(rms(row.model_sd_mm for row in rows)),
+        model_sd_recording_mm=finite(rms(row.model_sd_recording_mm for row in rows)))
 
 
-def _spreads(prefix: str, estimates: np.ndarray) -> dict[str, float]:
-    """Of (D, 2) estimates, two recordings a draw."""
-    return {f"{prefix}mean_mm": spread(estimates)["mean"],
-            f"{prefix}sd_mm": rms(spread(recording)["sd"] for recording in estimates.T),
-            f"{prefix}sd_recording_mm": np.sqrt(0.5) * rms(np.diff(estimates, axis=1))}
+def _spreads(estimates: np.ndarray) -> tuple[float | None, float | None, float | None]:
+    """Of (D, 2) estimates, two recordings a draw: mean, SD over the draws, SD over the recordings of a draw."""
+    return (spread(estimates.ravel()).mean, finite(rms(spread(recording).sd for recording in estimates.T)),
+            finite(np.sqrt(0.5) * rms(np.diff(estimates, axis=1).ravel())))  # the difference has twice the variance
 
 
 def _lowest(x: np.ndarray, y: np.ndarray) -> float:

@@ -101,7 +101,7 @@ def walk_all(
 ) -> list[Walked]:
     """Walks every base at every position, without noise and with `draws` sessions of two recordings."""
     each = len(positions_m) * (1 + RECORDINGS * draws)
-    found = []
+    every = []
     with chosen(workers, None, each * len(bases)) as (pool, most):
         for i, base in enumerate(bases):
             trials = [base.trial]
@@ -121,12 +121,12 @@ def walk_all(
             time = next((record.time_s for record in records if record is not None), np.empty(0))
             alone, noisy = {}, {}
             for name, size in (("values", len(NAMES)), ("resultant", 101), ("cop", 101), ("locked", len(time))):
-                every = np.array([np.full(size, np.nan) if record is None else getattr(record, name)
+                values = np.array([np.full(size, np.nan) if record is None else getattr(record, name)
                                   for record in records]).reshape(1 + RECORDINGS * draws, len(positions_m), size)
-                alone[name] = every[0]
-                noisy[name] = every[1:].reshape(draws, RECORDINGS, len(positions_m), size)
-            found.append(Walked(base, alone, noisy, time, records.count(None)))
-    return found
+                alone[name] = values[0]
+                noisy[name] = values[1:].reshape(draws, RECORDINGS, len(positions_m), size)
+            every.append(Walked(base, alone, noisy, time, records.count(None)))
+    return every
 
 
 def _units(walk: StudyWalk) -> dict[str, Any]:

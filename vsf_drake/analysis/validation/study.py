@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker
 
 FITTED, HELD_OUT, OFFSETS_FITTED = "fitted", "held out", "offsets fitted"
 """What a walk's agreement with its plate is worth: the fit has seen it, has not, or its offsets were fitted to it."""
+Table_co = TypeVar("Table_co", covariant=True)
 Progress = Callable[[str, float], None]
 """Called with what is being done and the finished fraction of it."""
 SETTINGS, REPEATS, TIERS = ("low", "medium", "high"), 3, ("laboratory", "exact")
@@ -99,31 +100,45 @@ class Study:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Section:
+class Section(Generic[Table_co]):
     """What one section of the validation found; names end in their unit."""
 
-    table: dict[str, Any]  # plain values: dicts, lists, strings, numbers, None for what is unknown
+    table: Table_co  # a record; None in it for what is unknown
     arrays: dict[str, np.ndarray] = field(default_factory=dict)  # curves, names without "/"; NaN where there is nothing
     missing: tuple[str, ...] = ()  # sentences on what is not there, and why
 
 
 def known(values: Iterable[float | None]) -> np.ndarray:
     """Those of the numbers that are neither None nor NaN."""
-    found = np.array([*values], dtype=float).ravel()
-    return np.asarray(found[np.isfinite(found)])
+    numbers = np.array([*values], dtype=float).ravel()
+    return np.asarray(numbers[np.isfinite(numbers)])
+
+
+def finite(value: float | np.floating[Any]) -> float | None:
+    """The number, as records have it: None if it is not known."""
+    return float(value) if np.isfinite(value) else None
 
 
 def rms(values: Iterable[float | None]) -> float:
     """Root mean square of what is known; NaN if nothing is."""
-    found = known(values)
-    return float(np.sqrt(np.mean(found**2))) if found.size else float("nan")
+    numbers = known(values)
+    return float(np.sqrt(np.mean(numbers**2))) if numbers.size else float("nan")
 
 
-def spread(values: Iterable[float | None]) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Spread:
     """Mean and sample standard deviation of what is known, None where that is too little, and how much it is."""
-    found = known(values)
-    return {"mean": float(found.mean()) if found.size else None,
-            "sd": float(found.std(ddof=1)) if found.size > 1 else None, "n": found.size}
+
+    mean: float | None
+    sd: float | None
+    n: int
+
+
+def spread(values: Iterable[float | None]) -> Spread:
+    """Over what is known of the numbers."""
+    numbers = known(values)
+    return Spread(float(numbers.mean()) if numbers.size else None,
+                  float(numbers.std(ddof=1)) if numbers.size > 1 else None, numbers.size)
 
 
 def reached(foot: FootParameters, fulcrums_m: Iterable[float]) -> list[float]:

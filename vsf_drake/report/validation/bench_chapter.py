@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,12 +19,15 @@ from vsf_drake.report.style import (
     SHADE,
     SIMULATED,
     Arrays,
-    Row,
     colour_of,
     drawing,
     label,
     log_scale,
 )
+
+if TYPE_CHECKING:
+    from vsf_drake.analysis.validation.bench_lines import CurveValues, SettingRow
+    from vsf_drake.analysis.validation.bench_section import BenchTable, LoadPoint
 
 _LINE_MARKERS = {"model": "o", "nominal": "s", "refined": "D", "calibrated": "^"}
 _LINE_GREYS = {"measured": "0.55", "model": "0.1", "nominal": "0.78", "refined": "0.38", "calibrated": "0.95"}
@@ -34,85 +37,90 @@ _DOTTED: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
 _OVER = {"frameon": True, "facecolor": "white", "edgecolor": "none", "framealpha": 1.0}
 
 
-def bench_chapter(table: Row, arrays: Arrays) -> Chapter:
+def bench_chapter(table: BenchTable, arrays: Arrays) -> Chapter:
     """The chapter; `table` and `arrays` of the saved bench section."""
-    lines, points, forefoot = table["lines"], table["load_points"], _forefoot(table)
-    compared = [{"of": line["name"] + (": the settings it did not see" if key == "held_out" else ""), **line[key]}
-                for line in lines for key in ("statistics", "held_out") if line.get(key)]
-    names = {"measured": "measured"} | {line["key"]: line["name"] for line in lines}
-    low, high = min(table["rate_speeds_mm_per_min"]), max(table["rate_speeds_mm_per_min"])
-    at = {(row["fulcrum_mm"], row["speed_mm_per_min"]): row
-          for row in sorted((row for row in table["rates"] if row["fulcrum_mm"] is not None),
-                            key=lambda row: (row["fulcrum_mm"], -row["speed_mm_per_min"]))}
-    slowest = {x: row for (x, _), row in at.items()}
+    lines, points, forefoot = table.lines, table.load_points, _forefoot(table)
+    compared = [{"of": line.name + more, **vars(own)} for line in lines for more, own in (
+        ("", line.statistics), (": the settings it did not see", getattr(line, "held_out", None))) if own]
+    names = {"measured": "measured"} | {line.key: line.name for line in lines}
+    low, high = min(table.rate_speeds_mm_per_min), max(table.rate_speeds_mm_per_min)
+    at = {(row.fulcrum_mm, row.speed_mm_per_min): row
+          for row in sorted((row for row in table.rates if row.fulcrum_mm is not None),
+                            key=lambda row: (row.fulcrum_mm or 0.0, -row.speed_mm_per_min))}
+    slowest = {x: row for (x, _), row in at.items() if x is not None}
     softest, stiffest = (slowest[min(slowest)], slowest[max(slowest)]) if len(slowest) > 1 else (None, None)
     change = None
-    if softest and all((softest["fulcrum_mm"], speed) in at for speed in (low, high)):
-        change = (at[softest["fulcrum_mm"], high]["stiffness_n_per_mm"]
-                  - at[softest["fulcrum_mm"], low]["stiffness_n_per_mm"])
-    by_fulcrum = {x: [row for row in points if row["fulcrum_mm"] == x]
-                  for x in sorted({row["fulcrum_mm"] for row in points})}
+    if softest and all((softest.fulcrum_mm, speed) in at for speed in (low, high)):
+        change = at[softest.fulcrum_mm, high].stiffness_n_per_mm - at[softest.fulcrum_mm, low].stiffness_n_per_mm
+    by_fulcrum = {x: [row for row in points if row.fulcrum_mm == x] for x in sorted({row.fulcrum_mm for row in points})}
     facts = {
-        "line_of": {line["key"]: line for line in lines},
-        "pressed": [row for row in forefoot if row["model"]],
-        "heel": next((row for row in table["settings"] if row["fulcrum_mm"] is None), None),
-        "worst": max((row for row in forefoot if _value(row, "model", "mid_range_offset_mm") is not None),
-                     key=lambda row: abs(row["model"]["mid_range_offset_mm"]), default=None),
-        "comparison_rows": [*compared, {"of": "paper, its model on its bench", "n": 5, **table["limits"]}],
+        "line_of": {line.key: line for line in lines},
+        "pressed": [row for row in forefoot if row.lines["model"]],
+        "heel": next((row for row in table.settings if row.fulcrum_mm is None), None),
+        "worst": max((row for row in forefoot if _value(row.lines["model"], "mid_range_offset_mm") is not None),
+                     key=lambda row: abs(_value(row.lines["model"], "mid_range_offset_mm")), default=None),
+        "comparison_rows": [*compared, {"of": "paper, its model on its bench", "n": 5, **table.limits}],
         "setting_rows": _setting_rows(table),
-        "shape_rows": [{"setting": _position(row["fulcrum_mm"]), "of": name, **row[key]["shape"]}
-                       for row in table["settings"] for key, name in names.items() if _value(row, key, "shape")],
+        "shape_rows": [{"setting": _position(row.fulcrum_mm), "of": name, **vars(shape)}
+                       for row in table.settings for key, name in names.items()
+                       if (shape := _value(_curve_of(row, key), "shape"))],
         "chord_shares": [(name, shares) for key, name in (
-            ("measured", "measured here"), ("model", f"simulated ({lines[0]['name']})"))
-            if (shares := [(row["fulcrum_mm"], share) for row in forefoot
-                           if (share := _value(row, key, "shape", "curvature_share")) is not None])],
+            ("measured", "measured here"), ("model", f"simulated ({lines[0].name})"))
+            if (shares := [(row.fulcrum_mm, share) for row in forefoot
+                           if (share := _value(_curve_of(row, key), "shape", "curvature_share")) is not None])],
         "softest": softest, "stiffest": stiffest, "stiffening_n_per_mm": change,
-        "returned": {(x, speed): _value(at, (x, speed), "return_ratio") for x in slowest for speed in (low, high)},
-        "rate_rows": [row | {"setting": _position(row["fulcrum_mm"]), "lost_share": 1.0 - row["return_ratio"]}
-                      for row in table["rates"]],
+        "returned": {(x, speed): _value(at.get((x, speed)), "return_ratio") for x in slowest for speed in (low, high)},
+        "rate_rows": [{**vars(row), "setting": _position(row.fulcrum_mm), "lost_share": 1.0 - row.return_ratio}
+                      for row in table.rates],
         "moved_ends": [(by_fulcrum[x][0], by_fulcrum[x][-1]) for x in (min(by_fulcrum), max(by_fulcrum))]
         if points else [],
-        "beam_off": max((abs(row["closed_form_n_per_mm"] / row["stiffness_n_per_mm"] - 1.0) for row in points),
+        "beam_off": max((abs(row.closed_form_n_per_mm / row.stiffness_n_per_mm - 1.0) for row in points),
                         default=None)}
     figures = {"bench_curves": _curves_figure(table, arrays), "bench_agreement": bench_agreement_figure(table, arrays),
                "bench_shape": _shape_figure(table, arrays)}
-    if table["rates"]:
+    if table.rates:
         figures["bench_energy"] = _energy_figure(table, arrays)
     if points:
         figures["bench_load_point"] = _load_point_figure(points)
-    return Chapter(name="bench", title="Bench", template="validation/bench.html.j2", facts={**table, **facts},
+    return Chapter(name="bench", title="Bench", template="validation/bench.html.j2", facts={**vars(table), **facts},
                    figures=figures)
 
 
-def _setting_rows(table: Row) -> list[dict[str, Any]]:
+def _setting_rows(table: BenchTable) -> list[dict[str, object]]:
     return [{
-        "setting": _position(row["fulcrum_mm"]), "max_load_n": row["max_load_n"],
-        "published_n_per_mm": row["published_n_per_mm"], "repeats": row["repeats"] or None,
-        "measured_half_width_n_per_mm": _value(row, "measured", "stiffness_n_per_mm_half_width"),
-        "measured_mid_range_half_width_mm": _value(row, "measured", "mid_range_mm_half_width"),
-        **{f"{key}_{name}": _value(row, key, of) for key in ("measured", *(line["key"] for line in table["lines"]))
+        "setting": _position(row.fulcrum_mm), "max_load_n": row.max_load_n,
+        "published_n_per_mm": row.published_n_per_mm, "repeats": row.repeats or None,
+        "measured_half_width_n_per_mm": _value(row.measured, "stiffness_n_per_mm_half_width"),
+        "measured_mid_range_half_width_mm": _value(row.measured, "mid_range_mm_half_width"),
+        **{f"{key}_{name}": _value(_curve_of(row, key), of)
+           for key in ("measured", *(line.key for line in table.lines))
            for name, of in (("n_per_mm", "stiffness_n_per_mm"), ("offset_mm", "mid_range_offset_mm"),
                             ("mid_range_mm", "mid_range_mm"), ("curve_rmse_mm", "curve_rmse_mm"))}}
-        for row in table["settings"]]
+        for row in table.settings]
 
 
-def _forefoot(table: Row) -> list[Row]:
-    return [row for row in table["settings"] if row["fulcrum_mm"] is not None]
+def _forefoot(table: BenchTable) -> list[SettingRow]:
+    return [row for row in table.settings if row.fulcrum_mm is not None]
 
 
-def _source(table: Row) -> str:
-    return "measured (SYNTHETIC)" if table["measured_synthetic"] else "measured"
+def _curve_of(row: SettingRow, key: str) -> CurveValues | None:
+    """The measured curve, or that of a model."""
+    return row.measured if key == "measured" else row.lines.get(key)
 
 
-def _simulated(table: Row) -> str:
-    return f"simulated: {table['lines'][0]['name']}"
+def _source(table: BenchTable) -> str:
+    return "measured (SYNTHETIC)" if table.measured_synthetic else "measured"
 
 
-def bench_agreement_figure(table: Row, arrays: Arrays) -> Figure:
+def _simulated(table: BenchTable) -> str:
+    return f"simulated: {table.lines[0].name}"
+
+
+def bench_agreement_figure(table: BenchTable, arrays: Arrays) -> Figure:
     """Stiffness by fulcrum position; with measured curves also by what the simulation misses it and the mid-range
     displacement."""
-    with drawing(10.5 if table["n"] else 6.4, 4.3) as figure:
-        first, *others = figure.subplots(1, 3, width_ratios=(1.1, 1.0, 1.0)) if table["n"] else [figure.subplots()]
+    with drawing(10.5 if table.n else 6.4, 4.3) as figure:
+        first, *others = figure.subplots(1, 3, width_ratios=(1.1, 1.0, 1.0)) if table.n else [figure.subplots()]
         if others:
             _errors(others[0], table, arrays)
             _offsets(others[1], table)
@@ -120,18 +128,18 @@ def bench_agreement_figure(table: Row, arrays: Arrays) -> Figure:
     return figure
 
 
-def _stiffness(axes: Axes, table: Row) -> None:
+def _stiffness(axes: Axes, table: BenchTable) -> None:
     rows = _forefoot(table)
-    x, measured, model, half = _numbers(rows, "fulcrum_mm"), *(_numbers(rows, *keys) for keys in (
-        ("measured", "stiffness_n_per_mm"), ("model", "stiffness_n_per_mm"),
-        ("measured", "stiffness_n_per_mm_half_width")))
+    x, measured, half = (_numbers(rows, *keys) for keys in (
+        ("fulcrum_mm",), ("measured", "stiffness_n_per_mm"), ("measured", "stiffness_n_per_mm_half_width")))
+    model = _of_line(rows, "model", "stiffness_n_per_mm")
     if np.isfinite(measured).any():
         axes.plot(x, measured, color=NEUTRAL, label=_source(table), **MEASURED)
     axes.plot(x, model, color=NEUTRAL, label=_simulated(table), **SIMULATED)
     for i, row in enumerate(rows):
         colour, marker = colour_of(x[i]), MARKERS[i % len(MARKERS)]
-        if row["published_n_per_mm"] is not None:
-            axes.plot(x[i], row["published_n_per_mm"], marker="_", markersize=20, markeredgewidth=3.0, color=colour,
+        if row.published_n_per_mm is not None:
+            axes.plot(x[i], row.published_n_per_mm, marker="_", markersize=20, markeredgewidth=3.0, color=colour,
                       alpha=0.6, linestyle="")
         axes.errorbar(x[i], measured[i], yerr=half[i] if np.isfinite(half[i]) else None, color=colour, linestyle="",
                       capsize=4, marker=marker, markersize=6)
@@ -145,49 +153,49 @@ def _stiffness(axes: Axes, table: Row) -> None:
     label(axes, x=FULCRUM, y="stiffness above 200 N (N/mm)", title="Stiffness")
 
 
-def _errors(axes: Axes, table: Row, arrays: Arrays) -> None:
-    rows, limit = _forefoot(table), table["limits"]["stiffness_rmse_n_per_mm"]
+def _errors(axes: Axes, table: BenchTable, arrays: Arrays) -> None:
+    rows, limit = _forefoot(table), table.limits["stiffness_rmse_n_per_mm"]
     axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} N/mm")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
-    if table["regression"] is not None:
-        at, line, low, high = (arrays[f"regression_{key}"] for key in ("measured_n_per_mm", "line", "low", "high"))
+    if table.regression is not None:
+        at, middle, low, high = (arrays[f"regression_{key}"] for key in ("measured_n_per_mm", "line", "low", "high"))
         axes.fill_between(at, low - at, high - at, color="0.5", alpha=0.35, linewidth=0,
-                          label=f"regression, 95 % band (n = {table['regression']['n']})")
-        axes.plot(at, line - at, color="0.1", **SIMULATED)
-    for line in table["lines"]:
-        own = line["key"] == "model"
+                          label=f"regression, 95 % band (n = {table.regression.n})")
+        axes.plot(at, middle - at, color="0.1", **SIMULATED)
+    for line in table.lines:
+        own = line.key == "model"
         axes.plot(_numbers(rows, "measured", "stiffness_n_per_mm"),
-                  _numbers(rows, line["key"], "stiffness_error_n_per_mm"), linestyle="", color="0.1",
-                  marker=_LINE_MARKERS[line["key"]], markerfacecolor="0.1" if own else "none",
-                  markersize=5 if own else 8, label=line["name"])
+                  _of_line(rows, line.key, "stiffness_error_n_per_mm"), linestyle="", color="0.1",
+                  marker=_LINE_MARKERS[line.key], markerfacecolor="0.1" if own else "none",
+                  markersize=5 if own else 8, label=line.name)
     axes.set_ylim(-1.9 * limit, 2.6 * limit)
     axes.margins(x=0.08)
     axes.legend(loc="upper left", fontsize=7.5)
     label(axes, x="measured stiffness (N/mm)", y="simulated less measured (N/mm)", title="Error of stiffness")
 
 
-def _offsets(axes: Axes, table: Row) -> None:
-    rows, limit = _forefoot(table), table["limits"]["mid_range_rmse_mm"]
+def _offsets(axes: Axes, table: BenchTable) -> None:
+    rows, limit = _forefoot(table), table.limits["mid_range_rmse_mm"]
     axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} mm")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
-    _bars(axes, [(line["name"], _LINE_GREYS[line["key"]], _numbers(rows, line["key"], "mid_range_offset_mm"))
-                for line in table["lines"]], [f"{row['fulcrum_mm']:g}" for row in rows])
+    _bars(axes, [(line.name, _LINE_GREYS[line.key], _of_line(rows, line.key, "mid_range_offset_mm"))
+                for line in table.lines], [f"{row.fulcrum_mm:g}" for row in rows])
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.45 * (high - low))
     axes.legend(loc="upper left", fontsize=7.5)
     label(axes, x=FULCRUM, y="simulated less measured (mm)", title="Offset Δ_D of the mid-range displacement")
 
 
-def _curves_figure(table: Row, arrays: Arrays) -> Figure:
+def _curves_figure(table: BenchTable, arrays: Arrays) -> Figure:
     """Load over displacement at every setting, experiment beside simulation, after Figure 4 of McGeehan 2021."""
     with drawing(10.5, 5.0) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2.4, 1.0), sharey=True)
-        for i, row in enumerate(table["settings"]):
-            _setting(left if row["fulcrum_mm"] is not None else right, i, row, table, arrays)
-        left.plot([], [], color=NEUTRAL, label=_source(table) if table["measured"] else
+        for i, row in enumerate(table.settings):
+            _setting(left if row.fulcrum_mm is not None else right, i, row, table, arrays)
+        left.plot([], [], color=NEUTRAL, label=_source(table) if table.measured else
                   "published slope, laid through the simulation at 200 N", **MEASURED)
         left.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
-        if any(line["key"] == "nominal" for line in table["lines"]):
+        if any(line.key == "nominal" for line in table.lines):
             left.plot([], [], color=NEUTRAL, label="simulated: nominal", **_NOMINAL)
         left.legend(loc="lower right", **_OVER)
         for axes, title in ((left, "Forefoot, by position of the fulcrum"), (right, "Heel")):
@@ -199,8 +207,8 @@ def _curves_figure(table: Row, arrays: Arrays) -> Figure:
     return figure
 
 
-def _setting(axes: Axes, i: int, row: Row, table: Row, arrays: Arrays) -> None:
-    colour, load, half = colour_of(row["fulcrum_mm"]), arrays["load_n"][i], arrays["measured_half_width_mm"][i]
+def _setting(axes: Axes, i: int, row: SettingRow, table: BenchTable, arrays: Arrays) -> None:
+    colour, load, half = colour_of(row.fulcrum_mm), arrays["load_n"][i], arrays["measured_half_width_mm"][i]
     measured, model = arrays["measured_mm"][i], arrays["model_mm"][i]
     if np.isfinite(half).any():
         axes.fill_betweenx(load, measured - half, measured + half, color=colour, alpha=0.2, linewidth=0)
@@ -208,16 +216,16 @@ def _setting(axes: Axes, i: int, row: Row, table: Row, arrays: Arrays) -> None:
     axes.plot(model, load, color=colour, **SIMULATED)
     if "nominal_mm" in arrays:
         axes.plot(arrays["nominal_mm"][i], load, color=colour, **_NOMINAL)
-    if not table["measured"] and row["published_n_per_mm"] is not None and np.isfinite(model).all():
+    if not table.measured and row.published_n_per_mm is not None and np.isfinite(model).all():
         above = load[load >= _SLOPE_ABOVE_N]
         start = float(np.interp(_SLOPE_ABOVE_N, load, model))
-        axes.plot(start + (above - _SLOPE_ABOVE_N) / row["published_n_per_mm"], above, color=colour, **MEASURED)
+        axes.plot(start + (above - _SLOPE_ABOVE_N) / row.published_n_per_mm, above, color=colour, **MEASURED)
     ends = [curve[-1] for curve in (model, measured) if np.isfinite(curve[-1])]
     if ends:
-        _tag(axes, row["fulcrum_mm"], (ends[0], load[-1]), xytext=(0, 5), ha="center")
+        _tag(axes, row.fulcrum_mm, (ends[0], load[-1]), xytext=(0, 5), ha="center")
 
 
-def _energy_figure(table: Row, arrays: Arrays) -> Figure:
+def _energy_figure(table: BenchTable, arrays: Arrays) -> Figure:
     """Loading and unloading: the loop at the highest speed, what is lost by speed, and what is stored by position."""
     with drawing(10.5, 4.2) as figure:
         first, second, third = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))
@@ -227,8 +235,8 @@ def _energy_figure(table: Row, arrays: Arrays) -> Figure:
     return figure
 
 
-def _loops(axes: Axes, table: Row, arrays: Arrays) -> None:
-    for fulcrum, x, load in zip(table["rate_settings_mm"], arrays["loop_mm"], arrays["loop_n"], strict=True):
+def _loops(axes: Axes, table: BenchTable, arrays: Arrays) -> None:
+    for fulcrum, x, load in zip(table.rate_settings_mm, arrays["loop_mm"], arrays["loop_n"], strict=True):
         colour = colour_of(fulcrum)
         axes.fill(np.concatenate(x), np.concatenate(load), color=colour, alpha=0.18, linewidth=0)
         axes.plot(x[0], load[0], color=colour, **SIMULATED)
@@ -240,13 +248,13 @@ def _loops(axes: Axes, table: Row, arrays: Arrays) -> None:
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="lower right", **_OVER)
     label(axes, x="displacement of the platen (mm)", y="load (N)",
-          title=f"There and back at {max(table['rate_speeds_mm_per_min']):g} mm/min")
+          title=f"There and back at {max(table.rate_speeds_mm_per_min):g} mm/min")
 
 
-def _losses(axes: Axes, table: Row) -> None:
-    for i, fulcrum in enumerate(table["rate_settings_mm"]):
-        rows = [row for row in table["rates"] if row["fulcrum_mm"] == fulcrum and row["lost_j"] > 0.0]
-        axes.plot(_numbers(rows, "speed_mm_per_min"), [100.0 * (1.0 - row["return_ratio"]) for row in rows],
+def _losses(axes: Axes, table: BenchTable) -> None:
+    for i, fulcrum in enumerate(table.rate_settings_mm):
+        rows = [row for row in table.rates if row.fulcrum_mm == fulcrum and row.lost_j > 0.0]
+        axes.plot(_numbers(rows, "speed_mm_per_min"), [100.0 * (1.0 - row.return_ratio) for row in rows],
                   color=colour_of(fulcrum), markersize=5, label=_position(fulcrum),
                   marker="*" if fulcrum is None else MARKERS[i % len(MARKERS)], **SIMULATED)
     log_scale(axes.xaxis)
@@ -258,31 +266,31 @@ def _losses(axes: Axes, table: Row) -> None:
     label(axes, x="speed of the platen (mm/min)", y="lost of what was stored (%)", title="Loss by speed")
 
 
-def _stored(axes: Axes, table: Row) -> None:
-    slowest = min(table["rate_speeds_mm_per_min"], key=lambda speed: abs(speed - table["speed_mm_per_min"]))
-    rows = [row for row in table["rates"] if row["speed_mm_per_min"] == slowest]
+def _stored(axes: Axes, table: BenchTable) -> None:
+    slowest = min(table.rate_speeds_mm_per_min, key=lambda speed: abs(speed - table.speed_mm_per_min))
+    rows = [row for row in table.rates if row.speed_mm_per_min == slowest]
     places = np.arange(len(rows))
     axes.bar(places, _numbers(rows, "stored_j"), 0.62, edgecolor="0.1", linewidth=0.6,
-             color=[colour_of(row["fulcrum_mm"]) for row in rows], alpha=0.75, label="simulated")
+             color=[colour_of(row.fulcrum_mm) for row in rows], alpha=0.75, label="simulated")
     axes.plot(places, _numbers(rows, "linear_spring_j"), linestyle="", marker="_", markersize=22, markeredgewidth=2.2,
               color="0.05", label="linear spring, F²/2k")
-    measured = {row["fulcrum_mm"]: row for row in table["settings"] if abs(row["max_load_n"] - 600.0) < 1.0}
-    stored = _numbers([measured.get(row["fulcrum_mm"], {}) for row in rows], "measured", "stored_j")
+    measured = {row.fulcrum_mm: row for row in table.settings if abs(row.max_load_n - 600.0) < 1.0}
+    stored = _numbers([measured.get(row.fulcrum_mm) for row in rows], "measured", "stored_j")
     if np.isfinite(stored).any():
         axes.plot(places, stored, linestyle="", marker="D", markersize=6, color="white", markeredgecolor="0.05",
                   markeredgewidth=1.2, label=_source(table))
-    axes.set_xticks(places, [_position(row["fulcrum_mm"]).removesuffix(" mm") for row in rows])
+    axes.set_xticks(places, [_position(row.fulcrum_mm).removesuffix(" mm") for row in rows])
     axes.set_ylim(0.0, 1.35 * axes.get_ylim()[1])
     axes.legend(loc="upper right")
     label(axes, x="fulcrum (mm), heel", y="energy stored at 600 N (J)", title=f"Stored at {slowest:g} mm/min")
 
 
-def _load_point_figure(points: list[Row]) -> Figure:
+def _load_point_figure(points: Sequence[LoadPoint]) -> Figure:
     """Stiffness with the load elsewhere on the keel, beside the closed form: one line a fulcrum position."""
     with drawing(7.2, 4.2) as figure:
         axes = figure.subplots()
-        for i, fulcrum in enumerate(sorted({row["fulcrum_mm"] for row in points})):
-            rows = [row for row in points if row["fulcrum_mm"] == fulcrum]
+        for i, fulcrum in enumerate(sorted({row.fulcrum_mm for row in points})):
+            rows = [row for row in points if row.fulcrum_mm == fulcrum]
             x, stiffness = _numbers(rows, "load_point_mm"), _numbers(rows, "stiffness_n_per_mm")
             axes.plot(x, stiffness, color=colour_of(fulcrum), marker=MARKERS[i % len(MARKERS)], markersize=5,
                       **SIMULATED)
@@ -290,7 +298,7 @@ def _load_point_figure(points: list[Row]) -> Figure:
             _tag(axes, fulcrum, (x[-1], stiffness[-1]), xytext=(7, 0), va="center")
         axes.plot([], [], color=NEUTRAL, marker="o", markersize=5, label="simulated", **SIMULATED)
         axes.plot([], [], color=NEUTRAL, **_DOTTED, label="overhung beam, small deflections")
-        axes.set_xticks(sorted({row["load_point_mm"] for row in points}))
+        axes.set_xticks(sorted({row.load_point_mm for row in points}))
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.1)
         axes.legend(loc="upper right")
@@ -299,33 +307,33 @@ def _load_point_figure(points: list[Row]) -> Figure:
     return figure
 
 
-def _shape_figure(table: Row, arrays: Arrays) -> Figure:
+def _shape_figure(table: BenchTable, arrays: Arrays) -> Figure:
     """The linear and the curvilinear part of the curves: slope dF/dx over load on the left, curvature by position on
     the right."""
     with drawing(10.5, 4.4) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
-        for i, row in enumerate(table["settings"]):
-            if row["fulcrum_mm"] is None:
+        for i, row in enumerate(table.settings):
+            if row.fulcrum_mm is None:
                 continue
             load, ends = arrays["load_n"][i], []
             for key, look in (("measured", MEASURED), ("model", SIMULATED)):
                 slope = arrays[f"{key}_tangent_n_per_mm"][i]
-                left.plot(load, slope, color=colour_of(row["fulcrum_mm"]), **look)
+                left.plot(load, slope, color=colour_of(row.fulcrum_mm), **look)
                 ends += [*slope[np.isfinite(slope)][-1:]]
             if ends:
-                _tag(left, row["fulcrum_mm"], (load[-1], ends[-1]), xytext=(3, 0), va="center")
+                _tag(left, row.fulcrum_mm, (load[-1], ends[-1]), xytext=(3, 0), va="center")
         left.axvline(_SLOPE_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
-        if table["measured"]:
+        if table.measured:
             left.plot([], [], color=NEUTRAL, label=_source(table), **MEASURED)
         left.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
         left.set_ylim(0.0, 1.2 * left.get_ylim()[1])
         left.legend(loc="upper left")
         label(left, x="load (N)", y="slope dF/dx (N/mm)", title="Slope over load (dotted: 200 N)")
         rows = _forefoot(table)
-        names = {"measured": _source(table)} if table["measured"] else {}
-        names |= {line["key"]: line["name"] for line in table["lines"]}
-        _bars(right, [(name, _LINE_GREYS[key], 100.0 * np.array(_numbers(rows, key, "shape", "curvature_share")))
-                     for key, name in names.items()], [f"{row['fulcrum_mm']:g}" for row in rows])
+        names = {"measured": _source(table)} if table.measured else {}
+        names |= {line.key: line.name for line in table.lines}
+        _bars(right, [(name, _LINE_GREYS[key], 100.0 * np.array(_of_line(rows, key, "shape", "curvature_share")))
+                     for key, name in names.items()], [f"{row.fulcrum_mm:g}" for row in rows])
         right.set_ylim(0.0, 1.5 * right.get_ylim()[1])
         right.legend(loc="upper left", ncols=2)
         label(right, x=FULCRUM, y="largest distance from the chord (% of travel)",
@@ -338,18 +346,21 @@ def _position(fulcrum_mm: float | None) -> str:
     return "heel" if fulcrum_mm is None else f"{fulcrum_mm:g} mm"
 
 
-def _value(row: Any, *keys: Any) -> Any:
-    """A value of a nested row; None where any part is missing."""
+def _value(row: object, *keys: str) -> Any:
+    """A value of a nested record; None where any part is missing."""
     for key in keys:
-        if not isinstance(row, Mapping) or row.get(key) is None:
-            return None
-        row = row[key]
+        row = getattr(row, key, None)
     return row
 
 
-def _numbers(rows: Iterable[Row], *keys: str) -> list[float]:
+def _numbers(rows: Iterable[object], *keys: str) -> list[float]:
     """The same over rows, NaN where it is missing: gaps in a figure."""
-    return [float("nan") if (found := _value(row, *keys)) is None else float(found) for row in rows]
+    return [float("nan") if (value := _value(row, *keys)) is None else float(value) for row in rows]
+
+
+def _of_line(rows: Iterable[SettingRow], line: str, *keys: str) -> list[float]:
+    """The same of the measured curve, or of a model."""
+    return _numbers((_curve_of(row, line) for row in rows), *keys)
 
 
 def _tag(axes: Axes, fulcrum_mm: float | None, at: tuple[float, float], **options: Any) -> None:

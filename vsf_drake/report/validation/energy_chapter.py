@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from vsf_drake.files import plain
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import (
     FULCRUM,
@@ -16,13 +18,15 @@ from vsf_drake.report.style import (
     NEUTRAL,
     SIMULATED,
     Arrays,
-    Row,
     colour_of,
     drawing,
     label,
     log_scale,
     name_of,
 )
+
+if TYPE_CHECKING:
+    from vsf_drake.analysis.validation.energy_section import EnergyCondition, EnergyRow, EnergyTable, MovedRow
 
 _WORDS = {
     "limb_work": "work of the limb through the socket", "kinetic": "kinetic", "gravity": "gravity",
@@ -38,70 +42,72 @@ _STORES = (("keel_strain", "keel", 0.85, ""), ("fulcrum_strain", "fulcrum suppor
 _LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
 
 
-def energy_chapter(table: Row, arrays: Arrays) -> Chapter:
+def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
     """What the foot stores and returns by fulcrum position, and how well the ledger of it closes."""
-    trials, facts, figures = table["trials"], dict(table), {}
+    trials, figures = table.trials, {}
+    facts = {**vars(table), "conditions": plain(table.conditions)}
     if trials:
-        phases = {name: 1e3 * float(np.mean([row["remainder_by_phase_j"][name] for row in trials]))
-                  for name in trials[0]["remainder_by_phase_j"]}
+        phases = {name: 1e3 * float(np.mean([row.remainder_by_phase_j[name] for row in trials]))
+                  for name in trials[0].remainder_by_phase_j}
         facts |= {
             "firsts": [trials[i] for i in _first_of_each(table).values()],
-            "stored_at_ends": [
-                (name, *ends) for key, name in (("conditions", "as recorded"), ("same_load", "under the same load"),
-                                                ("same_motion", "with the same motion"))
-                if (ends := _at_ends(table[key]))],
-            "remainder_ratios": [row["remainder_ratio"] for row in table["convergence"]],
+            "stored_at_ends": [(name, *ends) for name, stored in (
+                ("as recorded", [(c.fulcrum_mm, c.means["stored_j"] or 0.0) for c in table.conditions]),
+                ("under the same load", [(row.fulcrum_mm, row.stored_j) for row in table.same_load]),
+                ("with the same motion", [(row.fulcrum_mm, row.stored_j) for row in table.same_motion]))
+                if (ends := _at_ends(stored))],
+            "remainder_ratios": [row.remainder_ratio for row in table.convergence],
             "phases_mj": phases,
             "push_off_leads": abs(phases["push_off"]) > max(abs(phases["loading"]), abs(phases["middle"])),
-            "lost_first_j": sum(trials[0][f"{name}_j"] for name in table["terms"] if name.endswith("_loss")),
-            "beam_ratios": [row["bent_at_most_j"] / row["beam_j"] for row in trials if row["beam_j"]],
-            "bench_ratios": [row["stored_j"] / row["bench_j"] for row in trials if row["bench_j"]],
+            "lost_first_j": sum(getattr(trials[0], f"{name}_j") for name in table.terms if name.endswith("_loss")),
+            "beam_ratios": [row.bent_at_most_j / row.beam_j for row in trials if row.beam_j],
+            "bench_ratios": [row.stored_j / row.bench_j for row in trials if row.bench_j],
             "ledger_columns": [
                 ("label", "trial"), *((f"{name}_j", f"{text} (J)", "{:.4f}" if name == "remainder" else "{:.2f}")
                                       for name, text in _WORDS.items()),
                 ("remainder_share", "largest remainder (% stored)", "{:.3f}", 100.0)]}
         figures = {"energy_stance": _stance_figure(table, arrays), "energy_ledger": _ledger_figure(table),
                    "energy_power": _power_figure(table, arrays)}
-        if table["same_load"] or table["same_motion"]:
+        if table.same_load or table.same_motion:
             figures["energy_position"] = _position_figure(table)
     return Chapter(name="energy", title="Energy storage and return", template="validation/energy.html.j2", facts=facts,
                    figures=figures)
 
 
-def _at_ends(rows: Sequence[Row]) -> tuple[float, ...]:
+def _at_ends(stored: Sequence[tuple[float, float]]) -> tuple[float, ...]:
     """Softest position (mm), mean energy stored there (J), and the same of the stiffest; nothing for one position."""
-    places = sorted({row["fulcrum_mm"] for row in rows})
+    places = sorted({at for at, _ in stored})
     return tuple(number for x in (places[0], places[-1]) for number in (
-        x, float(np.mean([row["stored_j"] for row in rows if row["fulcrum_mm"] == x])))) if len(places) > 1 else ()
+        x, float(np.mean([energy for at, energy in stored if at == x])))) if len(places) > 1 else ()
 
 
-def _first_of_each(table: Row) -> dict[float, int]:
+def _first_of_each(table: EnergyTable) -> dict[float, int]:
     """Row of `trials` of the first stance at each position (mm), softest first."""
-    found: dict[float, int] = {}
-    for i, row in enumerate(table["trials"]):
-        found.setdefault(row["fulcrum_mm"], i)
-    return dict(sorted(found.items()))
+    first: dict[float, int] = {}
+    for i, row in enumerate(table.trials):
+        first.setdefault(row.fulcrum_mm, i)
+    return dict(sorted(first.items()))
 
 
-def _ledger_figure(table: Row) -> Figure:
+def _ledger_figure(table: EnergyTable) -> Figure:
     """How the ledger closes: a waterfall at toe-off of the first stance at the softest position, and the remainder of
     all stances."""
     with drawing(10.5, 4.6) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
-        row = table["trials"][0]
+        row = table.trials[0]
         _waterfall(left, row)
         label(left, x="energy, touch-down to toe-off (J)", y="",
-              title=f"Where the limb's work is at toe-off: {row['label']}")
+              title=f"Where the limb's work is at toe-off: {row.label}")
         _remainders(right, table)
     return figure
 
 
-def _waterfall(axes: Axes, row: Row) -> None:
-    left, names = row["limb_work_j"], list(_WORDS)
-    axes.barh(0, left, color=colour_of(row["fulcrum_mm"]))
+def _waterfall(axes: Axes, row: EnergyRow) -> None:
+    left, names = row.limb_work_j, list(_WORDS)
+    axes.barh(0, left, color=colour_of(row.fulcrum_mm))
     axes.text(left, 0, f" {left:.2f}", va="center", fontsize=8)
     for i, name in enumerate(names[1:], start=1):
-        size = row[f"{name}_j"]
+        size = getattr(row, f"{name}_j")
         axes.barh(i, -size, left=left,
                   color="black" if name == "remainder" else "0.35" if name.endswith("_loss") else "0.75")
         axes.plot([left, left], [i - 1.4, i + 0.4], color=NEUTRAL, linewidth=0.6)
@@ -114,44 +120,45 @@ def _waterfall(axes: Axes, row: Row) -> None:
     axes.set_xlim(right=1.12 * axes.get_xlim()[1])
 
 
-def _remainders(axes: Axes, table: Row) -> None:
-    rows, asked = table["trials"], 100.0 * table["asked_share"]
-    coarse = {(row["label"], row["stance"]): row for row in table["convergence"]}
-    homes = sorted({row["fulcrum_mm"] for row in rows})
+def _remainders(axes: Axes, table: EnergyTable) -> None:
+    rows, asked = table.trials, 100.0 * table.asked_share
+    coarse = {(row.label, row.stance): row for row in table.convergence}
+    homes = sorted({row.fulcrum_mm for row in rows})
     for i, row in enumerate(rows):
-        look = {"marker": MARKERS[homes.index(row["fulcrum_mm"]) % len(MARKERS)], "color": colour_of(row["fulcrum_mm"])}
-        if row["remainder_share"]:
-            axes.plot(i, 100.0 * row["remainder_share"], **look, linestyle="")
-        twin = coarse.get((row["label"], row["stance"]))
-        if twin and row["stored_j"] > 0.0 and twin["coarse_remainder_max_j"] > 0.0:
-            axes.plot(i, 100.0 * twin["coarse_remainder_max_j"] / row["stored_j"], **look, markerfacecolor="white",
+        look: dict[str, Any] = {"marker": MARKERS[homes.index(row.fulcrum_mm) % len(MARKERS)],
+                                "color": colour_of(row.fulcrum_mm)}
+        if row.remainder_share:
+            axes.plot(i, 100.0 * row.remainder_share, **look, linestyle="")
+        twin = coarse.get((row.label, row.stance))
+        if twin and row.stored_j > 0.0 and twin.coarse_remainder_max_j > 0.0:
+            axes.plot(i, 100.0 * twin.coarse_remainder_max_j / row.stored_j, **look, markerfacecolor="white",
                       linestyle="")
     axes.axhline(asked, color="0.1", linewidth=1.2)
     axes.text(0.02, asked * 1.06, f"asked: at most {asked:g} %", va="bottom", fontsize=8,
               transform=axes.get_yaxis_transform())
     for key, face in (("step_s", NEUTRAL), ("coarse_step_s", "white")):
         axes.plot([], [], marker="o", color=NEUTRAL, markerfacecolor=face, linestyle="",
-                  label=f"steps of {1e3 * table[key]:g} ms")
+                  label=f"steps of {1e3 * getattr(table, key):g} ms")
     log_scale(axes.yaxis)
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(top=max(axes.get_ylim()[1], 2.0 * asked))
-    axes.set_xticks(range(len(rows)), [row["label"] for row in rows], rotation=45, ha="right")
+    axes.set_xticks(range(len(rows)), [row.label for row in rows], rotation=45, ha="right")
     axes.legend(loc="upper right")
     label(axes, x="trial", y="largest remainder over stored energy (%)", title="How well the ledger closes")
 
 
-def _position_figure(table: Row) -> Figure:
+def _position_figure(table: EnergyTable) -> Figure:
     """Stored and returned energy over the fulcrum's position: as recorded, under the same load, with the same motion.
     """
-    trials = table["trials"]
-    places = sorted({row["fulcrum_mm"] for key in ("trials", "same_load") for row in table[key]})
+    trials = table.trials
+    places = sorted({row.fulcrum_mm for row in (*trials, *table.same_load)})
     with drawing(10.5, 4.1) as figure:
         panels = first, second, third = figure.subplots(1, 3)
-        _recorded(first, trials, table["conditions"])
-        _moved(second, table["same_load"], trials)
-        _moved(third, table["same_motion"], trials)
+        _recorded(first, trials, table.conditions)
+        _moved(second, table.same_load, trials)
+        _moved(third, table.same_motion, trials)
         for axes, title in zip(panels, ("Trials as recorded, each at its own position",
                                         "Each trial's load, fulcrum moved", "Each trial's motion, fulcrum moved"),
                                strict=True):
@@ -169,32 +176,34 @@ def _position_figure(table: Row) -> Figure:
     return figure
 
 
-def _recorded(axes: Axes, trials: Sequence[Row], conditions: Sequence[Row]) -> None:
-    places = [c["fulcrum_mm"] for c in conditions]
+def _recorded(axes: Axes, trials: Sequence[EnergyRow], conditions: Sequence[EnergyCondition]) -> None:
+    places = [c.fulcrum_mm for c in conditions]
     for key, _, full in _KINDS:
-        axes.plot(places, [c[key] for c in conditions], color=NEUTRAL, zorder=1, **SIMULATED)
+        means = np.array([c.means[key] for c in conditions], dtype=float)
+        axes.plot(places, means, color=NEUTRAL, zorder=1, **SIMULATED)
         for row in trials:
-            colour = colour_of(row["fulcrum_mm"])
-            axes.plot(row["fulcrum_mm"], row[key], marker="o", linestyle="", markersize=5, color=colour,
+            colour = colour_of(row.fulcrum_mm)
+            axes.plot(row.fulcrum_mm, getattr(row, key), marker="o", linestyle="", markersize=5, color=colour,
                       markerfacecolor=colour if full else "white")
-    axes.plot(places, [c["lost_j"] for c in conditions], marker="x", linestyle="", color=NEUTRAL)
+    lost = np.array([c.means["lost_j"] for c in conditions], dtype=float)
+    axes.plot(places, lost, marker="x", linestyle="", color=NEUTRAL)
 
 
-def _moved(axes: Axes, rows: Sequence[Row], trials: Sequence[Row]) -> None:
+def _moved(axes: Axes, rows: Sequence[MovedRow], trials: Sequence[EnergyRow]) -> None:
     """Means over the trials of each condition, where all of them could be walked."""
-    own = {row["label"]: row["fulcrum_mm"] for row in trials}
+    own = {row.label: row.fulcrum_mm for row in trials}
     for number, home in enumerate(sorted(set(own.values()))):
-        mine = [row for row in rows if own.get(row["label"]) == home]
-        at = {x: [row for row in mine if row["fulcrum_mm"] == x] for x in sorted({row["fulcrum_mm"] for row in mine})}
-        places = [x for x, of in at.items() if len(of) == len({row["label"] for row in mine})]
+        mine = [row for row in rows if own.get(row.label) == home]
+        at = {x: [row for row in mine if row.fulcrum_mm == x] for x in sorted({row.fulcrum_mm for row in mine})}
+        places = [x for x, of in at.items() if len(of) == len({row.label for row in mine})]
         colour = colour_of(home)
         for key, _, full in _KINDS:
-            axes.plot(places, [float(np.mean([row[key] for row in at[x]])) for x in places], color=colour,
+            axes.plot(places, [float(np.mean([getattr(row, key) for row in at[x]])) for x in places], color=colour,
                       marker=MARKERS[number % len(MARKERS)], markersize=5, markerfacecolor=colour if full else "white",
                       label=name_of(home) if full else None, **SIMULATED)
 
 
-def _power_figure(table: Row, arrays: Arrays) -> Figure:
+def _power_figure(table: EnergyTable, arrays: Arrays) -> Figure:
     """Distal segment power over stance, of the pylon and of the residual shank: one line a stance."""
     middle = 0.5 * (arrays["percent"][1:] + arrays["percent"][:-1])
     with drawing(10.5, 3.9) as figure:
@@ -202,8 +211,8 @@ def _power_figure(table: Row, arrays: Arrays) -> Figure:
         for axes, name, title in zip(panels, ("pylon_power_w", "shank_power_w"), (
                 "Seen from the pylon: the foot alone", "Seen from the residual shank: foot and socket"), strict=True):
             seen = set()
-            for row, power in zip(table["trials"], arrays[name], strict=True):
-                home = row["fulcrum_mm"]
+            for row, power in zip(table.trials, arrays[name], strict=True):
+                home = row.fulcrum_mm
                 axes.plot(middle, power, color=colour_of(home), label=None if home in seen else name_of(home),
                           **SIMULATED)
                 seen.add(home)
@@ -216,14 +225,14 @@ def _power_figure(table: Row, arrays: Arrays) -> Figure:
     return figure
 
 
-def _stance_figure(table: Row, arrays: Arrays) -> Figure:
+def _stance_figure(table: EnergyTable, arrays: Arrays) -> Figure:
     """Where the energy of the foot is over a stance: strain of keel, support and foam stacked, and losses so far; one
     trial a fulcrum position."""
     shown, percent = _first_of_each(table).items(), arrays["percent"]
     with drawing(10.5, 3.9) as figure:
         panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
         for axes, (fulcrum, i) in zip(panels, shown, strict=True):
-            terms = dict(zip(table["terms"], arrays["terms_j"][i], strict=True))
+            terms = dict(zip(table.terms, arrays["terms_j"][i], strict=True))
             colour, base = colour_of(fulcrum), np.zeros(len(percent))
             for name, text, alpha, hatch in _STORES:
                 top = base + terms[name]
@@ -236,6 +245,6 @@ def _stance_figure(table: Row, arrays: Arrays) -> Figure:
             axes.set_xlim(0.0, 100.0)
             axes.set_ylim(bottom=0.0)
             label(axes, x="stance (%)", y="energy (J)" if axes is panels[0] else "",
-                  title=f"{name_of(fulcrum)}: {table['trials'][i]['label']}")
+                  title=f"{name_of(fulcrum)}: {table.trials[i].label}")
         panels[0].legend(loc="upper left")
     return figure

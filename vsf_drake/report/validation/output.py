@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from vsf_drake.analysis.validation.run import NAMES, is_kept
+from vsf_drake.analysis.validation.run import NAMES, Validation, is_kept, tables
 from vsf_drake.analysis.validation.study import HELD_OUT, Study
 from vsf_drake.files import plain, write_json
 from vsf_drake.report.figures import walk_figure
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import Arrays, Row, save_figure
-from vsf_drake.report.validation.chapters import make_chapters
+from vsf_drake.report.style import Arrays, save_figure
+from vsf_drake.report.validation.chapters import Content, make_chapters
 from vsf_drake.simulation.results import save_walk
 
 FORMAT = 1
@@ -22,8 +21,7 @@ WALKS, REPLAY, UNFINISHED = "walks", "replay.html", "unfinished"
 NO_FIRST_LINE = "These results do not say whether their data are measured or synthetic."
 
 
-def _show(table: Row, arrays: Arrays, *, folder: Path, lenient: bool
-          ) -> dict[str, Any]:
+def _show(table: Content, arrays: Arrays, *, folder: Path, lenient: bool) -> dict[str, Any]:
     """What `page.chapter_page` is to be given; notes of what this version finds wrong come with it."""
     notes = list(table["notes"]) if isinstance(table.get("notes"), list) else []
     if table.get("format") != FORMAT:
@@ -33,7 +31,7 @@ def _show(table: Row, arrays: Arrays, *, folder: Path, lenient: bool
     if table.get("replay") and not replayed:
         notes.append(f"{REPLAY} is not there any more; making it again needs the walks: `vsf-drake validate`.")
     content = {**table, "notes": notes}
-    return {"chapters": make_chapters(content, arrays, lenient=lenient),
+    return {"chapters": make_chapters(content, arrays, tables(), lenient=lenient),
             "title": str(table.get("title") or "Validation"),
             "first_line": str(table.get("first_line") or NO_FIRST_LINE),
             "synthetic": bool(table.get("synthetic", True)),
@@ -46,7 +44,7 @@ def _holds_unfinished(out: Path) -> bool:
     return folder.is_dir() and all(is_kept(path, NAMES) for path in folder.iterdir())
 
 
-def _check(table: Mapping[str, Any], path: Path) -> None:
+def _check(table: Content, path: Path) -> None:
     if not isinstance(table.get("sections"), dict):
         raise ValueError("it has no sections")
 
@@ -58,12 +56,12 @@ VALIDATION = ResultsFolder(
 
 
 def write_validation(
-    content: Row, arrays: Arrays, out: Path, *, study: Study | None = None
+    content: Validation, arrays: Arrays, out: Path, *, study: Study | None = None
 ) -> dict[str, Any]:
-    """Writes a validation, plain values and arrays by "section/name"; see `ResultsFolder.write`. With the study that
-    they were computed from also its walks, a folder each, and the replay of one."""
+    """Writes a validation, and arrays by "section/name"; see `ResultsFolder.write`. With the study that they were
+    computed from also its walks, a folder each, and the replay of one."""
     more = {} if study is None else {"more": partial(_write_walks, study)}
-    return VALIDATION.write(out, {**content, "kind": "validation", "format": FORMAT}, arrays, **more)
+    return VALIDATION.write(out, {**plain(content), "kind": "validation", "format": FORMAT}, arrays, **more)
 
 
 def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:

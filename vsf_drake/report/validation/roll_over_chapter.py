@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,77 +16,77 @@ from vsf_drake.report.style import (
     NEUTRAL,
     SIMULATED,
     Arrays,
-    Row,
     colour_of,
     drawing,
     label,
     name_of,
 )
 
+if TYPE_CHECKING:
+    from vsf_drake.analysis.validation.roll_over_section import InclinedRow, Iso, RollOverTable
+
 _SECOND_PEAK_MS = 447.5
 _PANELS = (("radius_m", 1e3, "arc radius (mm)"), ("effective_foot_length_ratio", 1.0, "effective / foot length (1)"),
            ("mean_moment_arm_m", 1e3, "mean moment arm (mm)"))
 
 
-def roll_over_chapter(table: Row, arrays: Arrays) -> Chapter:
+def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
     """The chapter of a saved section (`analysis.validation.roll_over_section`)."""
-    iso, inclined = table["iso"], table["inclined"]
-    pairs = [(row, other) for row in iso["positions"] for other in iso["with_friction"]
-             if row["fulcrum_mm"] == other["fulcrum_mm"]]
-    unknown = {"mean": None, "sd": None, "count": 0}
+    iso, inclined = table.iso, table.inclined
+    pairs = [(row, other) for row in iso.positions for other in iso.with_friction if row.fulcrum_mm == other.fulcrum_mm]
     facts = {
         "condition_rows": [
-            {"fulcrum_mm": row["fulcrum_mm"], "source": words, "footfalls": row[side].get("radius_m", unknown)["count"],
-             **{f"{name}_{what}": row[side].get(name, unknown)[what] for what in ("mean", "sd") for name in (
+            {"fulcrum_mm": row.fulcrum_mm, "source": words, "footfalls": means["radius_m"].count,
+             **{f"{name}_{what}": getattr(means.get(name), what, None) for what in ("mean", "sd") for name in (
                  "radius_m", "radius_leg_lengths", "effective_foot_length_ratio", "mean_moment_arm_m", "arc_rms_m")}}
-            for row in table["conditions"]
-            for side, words in (("measured", "plate"), ("model", "model"), ("foot_alone", "model, foot alone"))],
+            for row in table.conditions
+            for means, words in ((row.measured, "plate"), (row.model, "model"), (row.foot_alone, "model, foot alone"))],
         "walk_rows": [
-            row | {f"{side}_{name}": row[side][name] for side in ("measured", "model") for name, _, _ in _PANELS}
-            for row in table["walks"]],
-        "iso_ends": iso["positions"][:1] + iso["positions"][1:][-1:],
-        **{name: [row | {"follows": "yes" if row["follows"] else "NO"} for row in iso[key]]
-           for name, key in (("followed", "positions"), ("followed_with_friction", "with_friction"))},
-        "changes": {name: [100.0 * (other[name] / row[name] - 1.0) for row, other in pairs
-                           if row[name] is not None and other[name] is not None]
+            {**vars(row), **{f"{side}_{name}": getattr(getattr(row, side), name)
+                             for side in ("measured", "model") for name, _, _ in _PANELS}} for row in table.walks],
+        "iso_ends": [*iso.positions[:1], *iso.positions[1:][-1:]],
+        **{name: [{**vars(row), "follows": "yes" if row.follows else "NO"} for row in rows]
+           for name, rows in (("followed", iso.positions), ("followed_with_friction", iso.with_friction))},
+        "changes": {name: [100.0 * (getattr(other, name) / getattr(row, name) - 1.0) for row, other in pairs
+                           if getattr(row, name) is not None and getattr(other, name) is not None]
                     for name in ("deflection_forefoot_mm", "radius_m", "dorsiflexing_moment_nm")},
-        "sliding_j": [other["lost_by_sliding_j"] for _, other in pairs],
+        "sliding_j": [other.lost_by_sliding_j for _, other in pairs],
         "inclined_ends": [(words, own[0], own[-1]) for angle, words in ((-15.0, "heel"), (20.0, "forefoot"))
-                          if (own := [row for row in inclined if row["angle_deg"] == angle])],
-        "inclined_rows": [row | {"zones": ", ".join(row["zones_loaded"]).replace("_", " ")} for row in inclined]}
+                          if (own := [row for row in inclined if row.angle_deg == angle])],
+        "inclined_rows": [{**vars(row), "zones": ", ".join(row.zones_loaded).replace("_", " ")} for row in inclined]}
     figures = {}
-    if table["walks"]:
+    if table.walks:
         figures["roll_over_shapes"] = _shape_figure(table, arrays)
-    if iso["positions"]:
+    if iso.positions:
         figures["iso_22675_profile"] = _iso_figure(iso, arrays)
     if inclined:
         figures["inclined_loading"] = _inclined_figure(inclined, arrays)
     return Chapter(name="roll-over", title="Roll-over and inclined loading", template="validation/roll_over.html.j2",
-                   facts={**table, **facts}, figures=figures)
+                   facts={**vars(table), **facts}, figures=figures)
 
 
-def _inclined_figure(rows: Sequence[Row], arrays: Arrays) -> Figure:
+def _inclined_figure(rows: Sequence[InclinedRow], arrays: Arrays) -> Figure:
     """Load and displacement of the foot pressed at an angle, and energy by fulcrum position."""
     with drawing(10.5, 3.9) as figure:
         *panels, energy = figure.subplots(1, 3, width_ratios=(1.0, 1.3, 1.0))
         for axes, sign, title, marker, place in ((panels[0], "minus", "Heel, -15°", "s", "upper left"),
                                                  (panels[1], "plus", "Forefoot, +20°", "o", "lower right")):
-            own = [row for row in rows if (row["angle_deg"] > 0.0) == (sign == "plus")]
+            own = [row for row in rows if (row.angle_deg > 0.0) == (sign == "plus")]
             for i, row in enumerate(own):
-                fulcrum = row["fulcrum_mm"]
-                name = f"inclined_{sign}{abs(row['angle_deg']):.0f}_{fulcrum:.0f}"
+                fulcrum = row.fulcrum_mm
+                name = f"inclined_{sign}{abs(row.angle_deg):.0f}_{fulcrum:.0f}"
                 load = arrays[f"{name}_load_n"]
                 loading = slice(0, int(np.argmax(load)) + 1)
                 axes.plot(1e3 * arrays[f"{name}_displacement_m"][loading], load[loading], color=colour_of(fulcrum),
                           label=name_of(fulcrum), marker=MARKERS[i % len(MARKERS)], markersize=4,
                           markevery=(8 + 4 * i, 22), **SIMULATED)
-                energy.plot(fulcrum, row["energy_stored_j"], marker, markersize=6, color=colour_of(fulcrum))
+                energy.plot(fulcrum, row.energy_stored_j, marker, markersize=6, color=colour_of(fulcrum))
             axes.set_xlim(left=0.0)
             axes.set_ylim(bottom=0.0)
             label(axes, x="displacement (mm)", y="load (N)", title=title)
             if own:
                 axes.legend(loc=place)
-                energy.plot([row["fulcrum_mm"] for row in own], [row["energy_stored_j"] for row in own],
+                energy.plot([row.fulcrum_mm for row in own], [row.energy_stored_j for row in own],
                             color=HEEL_COLOUR, linewidth=0.8, linestyle=":", zorder=1.9)
                 energy.plot([], [], marker, color=HEEL_COLOUR, label=title.lower())
         energy.legend(loc="best")
@@ -96,7 +96,7 @@ def _inclined_figure(rows: Sequence[Row], arrays: Arrays) -> Figure:
     return figure
 
 
-def _iso_figure(iso: Row, arrays: Arrays) -> Figure:
+def _iso_figure(iso: Iso, arrays: Arrays) -> Figure:
     """The foot under the ISO 22675 loading profile: what is prescribed, and how the foot answers at each position."""
     with drawing(10.5, 6.4) as figure:
         (force, tilt, deflection), (shape, moment, strain) = figure.subplots(2, 3)
@@ -105,10 +105,10 @@ def _iso_figure(iso: Row, arrays: Arrays) -> Figure:
         force.plot(time, arrays["iso_wanted_n"], color=NEUTRAL, label="profile", **MEASURED)
         tilt.plot(time, arrays["iso_tilt_deg"], color=NEUTRAL, linewidth=1.8)
         tilt.axhline(0.0, color=NEUTRAL, linewidth=0.6)
-        for i, row in enumerate(iso["positions"]):
-            name = f"iso_{row['fulcrum_mm']:.0f}"
+        for i, row in enumerate(iso.positions):
+            name = f"iso_{row.fulcrum_mm:.0f}"
             look: dict[str, Any] = {
-                **SIMULATED, "color": colour_of(row["fulcrum_mm"]), "label": name_of(row["fulcrum_mm"]),
+                **SIMULATED, "color": colour_of(row.fulcrum_mm), "label": name_of(row.fulcrum_mm),
                 "marker": MARKERS[i % len(MARKERS)], "markersize": 4, "markevery": (12 * (i + 1), 60)}
             force.plot(time, arrays[f"{name}_force_n"], **(look | {"label": "foot" if i == 0 else None}))
             for axes, what in ((deflection, "deflection_mm"), (moment, "moment_nm"), (strain, "strain_j")):
@@ -132,14 +132,14 @@ def _iso_figure(iso: Row, arrays: Arrays) -> Figure:
     return figure
 
 
-def _shape_figure(table: Row, arrays: Arrays) -> Figure:
+def _shape_figure(table: RollOverTable, arrays: Arrays) -> Figure:
     """Roll-over shapes in walking, plate beside model, and what describes them by fulcrum position."""
     with drawing(10.5, 6.6) as figure:
         grid = figure.add_gridspec(2, 3, height_ratios=(1.25, 1.0))
         shapes = figure.add_subplot(grid[0, :])
-        for i, condition in enumerate(table["conditions"]):
-            fulcrum = condition["fulcrum_mm"]
-            own = [row["curves"] for row in table["walks"] if row["fulcrum_mm"] == fulcrum]
+        for i, condition in enumerate(table.conditions):
+            fulcrum = condition.fulcrum_mm
+            own = [row.curves for row in table.walks if row.fulcrum_mm == fulcrum]
             for side, look, words in (("measured", MEASURED, "plate"), ("model", SIMULATED, "model")):
                 # where all are known, else NaN
                 forward, up = (1e3 * np.mean([arrays[f"{name}_{side}_{axis}_m"] for name in own], axis=0)
@@ -156,10 +156,12 @@ def _shape_figure(table: Row, arrays: Arrays) -> Figure:
         for i, (name, scale, words) in enumerate(_PANELS):
             axes = figure.add_subplot(grid[1, i])
             for side, marker, said, shift in (("measured", "o", "plate", 2.0), ("model", "D", "model", -2.0)):
-                for row in (row for row in table["walks"] if row[side][name] is not None):
-                    colour = colour_of(row["fulcrum_mm"])
-                    axes.plot(row["fulcrum_mm"] + shift, scale * row[side][name], marker, markersize=6, color=colour,
-                              markerfacecolor=colour if side == "measured" else "white")
+                for row in table.walks:
+                    value = getattr(row.measured if side == "measured" else row.model, name)
+                    colour = colour_of(row.fulcrum_mm)
+                    if value is not None:
+                        axes.plot(row.fulcrum_mm + shift, scale * value, marker, markersize=6, color=colour,
+                                  markerfacecolor=colour if side == "measured" else "white")
                 axes.plot([], [], marker, color=NEUTRAL, markerfacecolor=NEUTRAL if side == "measured" else "white",
                           label=said)
             axes.margins(x=0.12, y=0.15)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,8 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
+from vsf_drake.files import plain
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MARKERS, NEUTRAL, Arrays, Row, colour_of, drawing, label
+from vsf_drake.report.style import MARKERS, NEUTRAL, Arrays, colour_of, drawing, label
+
+if TYPE_CHECKING:
+    from vsf_drake.analysis.validation.settings_section import OutcomeRow, PairRow, SettingsTable
 
 TITLE = "Can two settings be told apart?"
 SHOWN = ("resultant_first_bw", "resultant_second_bw", "vertical_trough_bw", "propulsion_bw", "cop_mid_stance_fl",
@@ -27,77 +31,84 @@ _LIMIT = 1.96 * 2.0**0.5
 """A standard deviation of one estimate to the 95 % limit of the difference of two."""
 
 
-def settings_chapter(table: Row, arrays: Arrays) -> Chapter:
+def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
     """The answer, what the model predicts against what is detectable, and how that was found."""
-    facts, figures = dict(table), {}
-    if table["outcomes"]:
+    facts, figures = dict(vars(table)), {}
+    if table.outcomes:
         facts |= _facts(table)
         figures = {"settings_effects": _effect_figure(table, arrays), "settings_travel": _travel_figure(table),
                    "settings_pairs": _pairs_figure(table)}
     return Chapter(name="settings", title=TITLE, template="validation/settings.html.j2", facts=facts, figures=figures)
 
 
-def _facts(table: Row) -> dict[str, Any]:
+def _facts(table: SettingsTable) -> dict[str, Any]:
     """What the chapter's sentences need besides the table."""
-    outcomes, places = table["outcomes"], table["positions_mm"]
-    curves = [row for row in table["curves"] if row["curve"] == "resultant" and row["rms_difference"] is not None]
-    near = [row["rms_difference"] for row in curves if places.index(row["to_mm"]) - places.index(row["from_mm"]) == 1]
+    outcomes, places = table.outcomes, table.positions_mm
+    curves = {(row.from_mm, row.to_mm): row for row in table.curves
+              if row.curve == "resultant" and row.rms_difference is not None}
+    near = [row.rms_difference or 0.0 for (start, end), row in curves.items()
+            if places.index(end) - places.index(start) == 1]
     known = any(_limited(row) for row in outcomes)
-    changes = [(row, row["sdd_same_recording" if _limited(row) else "noise_sdd_same_recording"])
-               for row in outcomes if row["name"] in SHOWN]
+    changes = [(row, row.limits["sdd_same_recording" if _limited(row) else "noise_sdd_same_recording"])
+               for row in outcomes if row.name in SHOWN]
     reached, apart, two_estimates = [], [], []
     for design, title in DESIGNS.items():
-        key = f"{'smallest' if known else 'noise'}_travel_mm_{design}"
-        travels = [(row[key], row["title"]) for row in outcomes if row[key] is not None]
+        travels = _travels(outcomes, f"{'smallest' if known else 'noise'}_travel_mm_{design}")
         reached += [(title, *min(travels), len(travels))] if travels else []
-        told = [row[f"told_apart_{design}"] if row[f"told_apart_{design}"] is not None
-                else row[f"noise_told_apart_{design}"] for row in table["pairs"]]
-        apart.append((title, told.count(True), len(told) - told.count(None)))
-    for design, key in (("same_session", "model_sd_recording_mm"), ("two_sessions", "model_sd_mm")):
-        if (sd := table["inverse"][key]) is not None:
-            sharpest = min((row[f"noise_travel_mm_{design}"] for row in outcomes
-                            if row[f"noise_travel_mm_{design}"] is not None), default=None)
+        verdicts = [row.limits[f"noise_told_apart_{design}"] if (of_both := row.limits[f"told_apart_{design}"]) is None
+                    else of_both for row in table.pairs]
+        apart.append((title, verdicts.count(True), len(verdicts) - verdicts.count(None)))
+    estimates = table.inverse and (("same_session", table.inverse.model_sd_recording_mm),
+                                   ("two_sessions", table.inverse.model_sd_mm))
+    for design, sd in estimates or ():
+        if sd is not None:
+            sharpest = min(_travels(outcomes, f"noise_travel_mm_{design}"), default=(None,))[0]
             two_estimates.append((DESIGNS[design], _LIMIT * sd, sharpest))
-    titles = {row["name"]: f"{row['title']} ({row['unit']})" for row in outcomes}
-    said = {True: "yes", False: "no", None: None}
+    titles = {row.name: f"{row.title} ({row.unit})" for row in outcomes}
+    words = {True: "yes", False: "no", None: None}
     return {
-        "ends": max(curves, key=lambda row: row["to_mm"] - row["from_mm"], default=None),
+        "outcomes": plain(outcomes), "curves": plain(table.curves),
+        "ends": curves[max(curves, key=lambda ends: ends[1] - ends[0])] if curves else None,
         "neighbours_percent": [100.0 * x for x in near], "as_large_as_a_step": 0.08 <= max(near, default=0.0) <= 0.2,
-        "walked_percent": [100.0 * row["measured_bw"] for row in table["as_walked_curves"]
-                           if row["measured_bw"] is not None],
-        "changes": [(row, limit) for row, limit in sorted(changes, key=lambda item: SHOWN.index(item[0]["name"]))
-                    if row["effect_ends"] is not None and limit is not None],
-        "reached": reached, "apart": apart, "two_estimates": two_estimates, "poor_judge": poor_judge(table["pairs"]),
-        "walked_rows": [row | {"title": titles[row["outcome"]], "told": said[row["told_apart"]],
-                               "strides": said[row["beyond_strides"]]} for row in table["as_walked"]]}
+        "walked_percent": [100.0 * row.measured_bw for row in table.as_walked_curves if row.measured_bw is not None],
+        "changes": [(row, limit) for row, limit in sorted(changes, key=lambda item: SHOWN.index(item[0].name))
+                    if row.effect_ends is not None and limit is not None],
+        "reached": reached, "apart": apart, "two_estimates": two_estimates, "poor_judge": poor_judge(table.pairs),
+        "walked_rows": [{**vars(row), "title": titles[row.outcome], "told": words[row.told_apart],
+                         "strides": words[row.beyond_strides]} for row in table.as_walked]}
 
 
-def poor_judge(pairs: Sequence[Row]) -> Row | None:
+def _travels(outcomes: Sequence[OutcomeRow], key: str) -> list[tuple[float, str]]:
+    """The travels (mm) under this key that are known, with the outcome's title."""
+    return [(travel, row.title) for row in outcomes if (travel := row.limits[key]) is not None]
+
+
+def poor_judge(pairs: Sequence[PairRow]) -> PairRow | None:
     """Stored energy between the ends, if with the motion held it cannot tell them apart and is largest in between."""
-    rows = [row for row in pairs if row["outcome"] == "energy_stored_j" and row["effect"] is not None]
-    if not rows:
+    effects = [(row, row.effect) for row in pairs if row.outcome == "energy_stored_j" and row.effect is not None]
+    if not effects:
         return None
-    ends = max(rows, key=lambda row: row["to_mm"] - row["from_mm"])
-    largest = max(abs(row["effect"]) for row in rows)
-    between = max(row["effect"] for row in rows if row["from_mm"] == ends["from_mm"]) > max(0.0, ends["effect"])
-    told = abs(ends["effect"]) > 0.5 * largest or ends["noise_told_apart_same_recording"]
-    return ends if between and not told else None
+    ends, effect = max(effects, key=lambda item: item[0].to_mm - item[0].from_mm)
+    largest = max(abs(other) for _, other in effects)
+    between = max(other for row, other in effects if row.from_mm == ends.from_mm) > max(0.0, effect)
+    apart = abs(effect) > 0.5 * largest or ends.limits["noise_told_apart_same_recording"]
+    return ends if between and not apart else None
 
 
-def _limited(outcome: Row) -> bool:
+def _limited(outcome: OutcomeRow) -> bool:
     """Whether the model's error in it is known: else limits are of noise alone."""
-    return outcome["sdd_same_recording"] is not None
+    return outcome.limits["sdd_same_recording"] is not None
 
 
-def _effect_figure(table: Row, arrays: Arrays) -> Figure:
+def _effect_figure(table: SettingsTable, arrays: Arrays) -> Figure:
     """Six outcomes over the fulcrum's position, each as a difference from the middle position."""
-    positions = np.array(table["positions_mm"], dtype=float)
+    positions = np.array(table.positions_mm, dtype=float)
     middle = int(np.argmin(np.abs(positions - 0.5 * (positions[0] + positions[-1]))))
-    outcomes, recorded = {row["name"]: row for row in table["outcomes"]}, [x["fulcrum_mm"] for x in table["trials"]]
+    outcomes, recorded = {row.name: row for row in table.outcomes}, [x.fulcrum_mm for x in table.trials]
     with drawing(10.6, 6.4) as figure:
         for axes, name in zip(figure.subplots(2, 3, sharex=True).ravel(), SHOWN, strict=True):
-            row, effects = outcomes[name], arrays["effects"][:, :, table["names"].index(name)]
-            _bands(axes, [pair for pair in table["pairs"] if pair["outcome"] == name], positions[middle],
+            row, effects = outcomes[name], arrays["effects"][:, :, table.names.index(name)]
+            _bands(axes, [pair for pair in table.pairs if pair.outcome == name], positions[middle],
                    "" if _limited(row) else "noise_")
             change = effects - effects[:, middle:middle + 1]
             for values, at in zip(change, recorded, strict=True):
@@ -106,8 +117,8 @@ def _effect_figure(table: Row, arrays: Arrays) -> Figure:
             axes.axhline(0.0, color="0.4", linewidth=0.8)
             axes.set_xticks(positions)
             label(axes, x="fulcrum from the keel's end (mm)",
-                  y=f"difference from {positions[middle]:g} mm ({row['unit']})",
-                  title=row["title"] + ("" if _limited(row) else ": noise alone"))
+                  y=f"difference from {positions[middle]:g} mm ({row.unit})",
+                  title=row.title + ("" if _limited(row) else ": noise alone"))
         handles: list[Any] = [Patch(facecolor=_SHADES[d], edgecolor="0.6", label=f"not detectable: {DESIGNS[d]}")
                               for d in reversed(_SHADES)]
         handles += [Line2D([], [], color="black", linewidth=2.2, marker=MARKERS[0], markersize=4.5,
@@ -115,16 +126,16 @@ def _effect_figure(table: Row, arrays: Arrays) -> Figure:
                     *(Line2D([], [], color=colour_of(x), label=f"trials recorded at {x:g} mm")
                       for x in sorted(set(recorded)))]
         figure.legend(handles=handles, loc="outside lower center", ncols=4)
-        figure.suptitle(("SYNTHETIC trials. " if table["synthetic"] else "")
+        figure.suptitle(("SYNTHETIC trials. " if table.synthetic else "")
                         + "The same motion walked at every position of the fulcrum", x=0.01, ha="left", fontsize=10.5)
     return figure
 
 
-def _bands(axes: Axes, pairs: Sequence[Row], here: float, prefix: str) -> None:
+def _bands(axes: Axes, pairs: Sequence[PairRow], here: float, prefix: str) -> None:
     """What is not detectable from the position `here`, to both sides; next to it as at its neighbour."""
     for design, shade in _SHADES.items():
-        limits = {row["to_mm"] if row["from_mm"] == here else row["from_mm"]: row[f"{prefix}sdd_{design}"]
-                  for row in pairs if here in (row["from_mm"], row["to_mm"])}
+        limits = {row.to_mm if row.from_mm == here else row.from_mm: row.limits[f"{prefix}sdd_{design}"]
+                  for row in pairs if here in (row.from_mm, row.to_mm)}
         if None in limits.values():
             continue
         low, high = (sorted(x for x in limits if (x > here) == ahead) for ahead in (False, True))
@@ -134,26 +145,28 @@ def _bands(axes: Axes, pairs: Sequence[Row], here: float, prefix: str) -> None:
             axes.fill_between(at, -wide, wide, color=shade, linewidth=0.0, zorder=0)
 
 
-def _name_outcomes(axes: Axes, rows: Sequence[Row]) -> None:
-    axes.set_yticks(range(len(rows)), [row["title"] + ("" if _limited(row) else " (noise alone)") for row in rows])
+def _name_outcomes(axes: Axes, rows: Sequence[OutcomeRow]) -> None:
+    axes.set_yticks(range(len(rows)), [row.title + ("" if _limited(row) else " (noise alone)") for row in rows])
 
 
-def _pairs_figure(table: Row) -> Figure:
+def _pairs_figure(table: SettingsTable) -> Figure:
     """One panel a design; dark cells are told apart, with the effect over the limit in each."""
-    rows, rank = table["outcomes"], table["positions_mm"].index
-    pairs = sorted({(row["from_mm"], row["to_mm"]) for row in table["pairs"]},
+    rows, rank = table.outcomes, table.positions_mm.index
+    pairs = sorted({(row.from_mm, row.to_mm) for row in table.pairs},
                    key=lambda pair: (rank(pair[1]) - rank(pair[0]), pair))  # near ones first
-    found = {(row["outcome"], row["from_mm"], row["to_mm"]): row for row in table["pairs"]}
+    by_pair = {(row.outcome, row.from_mm, row.to_mm): row for row in table.pairs}
     with drawing(11.0, 1.7 + 0.27 * len(rows)) as figure:
         for axes, (design, title) in zip(figure.subplots(1, 3, sharey=True), DESIGNS.items(), strict=True):
             for i, outcome in enumerate(rows):
                 prefix = "" if _limited(outcome) else "noise_"
                 for j, pair in enumerate(pairs):
-                    row = found[(outcome["name"], *pair)]
-                    apart = row[f"{prefix}told_apart_{design}"]
+                    row = by_pair[(outcome.name, *pair)]
+                    effect, limit, verdict = row.effect, *(row.limits[f"{prefix}{key}_{design}"]
+                                                           for key in ("sdd", "told_apart"))
+                    apart = None if verdict is None else bool(verdict)
                     axes.add_patch(Rectangle((j - 0.47, i - 0.45), 0.94, 0.9, facecolor=_FACES[apart], edgecolor="0.7",
                                              linewidth=0.5))
-                    over = 0.0 if apart is None else abs(row["effect"]) / row[f"{prefix}sdd_{design}"]
+                    over = abs(effect) / limit if effect is not None and limit else 0.0
                     text = "–" if apart is None else f"{over:.{1 if over < 9.95 else 0}f}"
                     axes.text(j, i, text, ha="center", va="center", fontsize=6.5, color="white" if apart else "black")
             axes.set_xlim(-0.6, len(pairs) - 0.4)
@@ -170,9 +183,9 @@ def _pairs_figure(table: Row) -> Figure:
     return figure
 
 
-def _travel_figure(table: Row) -> Figure:
+def _travel_figure(table: SettingsTable) -> Figure:
     """The smallest detectable travel of the fulcrum by outcome and design."""
-    rows, reach = table["outcomes"], table["positions_mm"][-1] - table["positions_mm"][0]
+    rows, reach = table.outcomes, table.positions_mm[-1] - table.positions_mm[0]
     with drawing(9.6, 1.5 + 0.27 * len(rows)) as figure:
         axes = figure.subplots()
         axes.axvspan(reach, 1.16 * reach, color="0.93", zorder=0)
@@ -183,7 +196,7 @@ def _travel_figure(table: Row) -> Figure:
                 continue
             look: dict[str, Any] = {"marker": MARKERS[k], "color": _DARK[k], "linestyle": "", "markersize": 6.5}
             for i, row in own:
-                travel = row[f"{'smallest' if _limited(row) else 'noise'}_travel_mm_{design}"]
+                travel = row.limits[f"{'smallest' if _limited(row) else 'noise'}_travel_mm_{design}"]
                 axes.plot(1.08 * reach if travel is None else travel, i + 0.22 * (k - 1), clip_on=False,
                           markerfacecolor=_DARK[k] if travel is not None else "white", **look)
             handles.append(Line2D([], [], label=title, **look))

@@ -207,7 +207,7 @@ def _energies(part: TrialTuning, walk: Walk) -> tuple[float, float, float]:
             row = stance_energy(energy, stance, foot=part.trial.model.foot, fulcrum_m=float(walk.fulcrum_m[0])).row
             late = (time >= stance.start_s + part.options.late_share * stance.duration_s) & (time <= stance.end_s)
             work = np.sum(np.maximum(energy.shank_power[late], 0.0)) * (time[1] - time[0])
-            rows.append((row["stored_j"], row["returned_j"], work / part.trial.subject.mass_kg))
+            rows.append((row.stored_j, row.returned_j, work / part.trial.subject.mass_kg))
     stored, returned, pushed = np.mean(rows, axis=0).tolist() if rows else [np.nan] * 3
     return stored, returned, pushed
 

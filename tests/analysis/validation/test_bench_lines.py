@@ -24,26 +24,26 @@ LOADS = np.linspace(0.0, 600.0, 601)
 
 def test_the_regression_is_scipys_and_its_band_that_of_the_mean_response():
     simulated = MEASURED + np.array([0.3, -0.4, 0.2, 0.1, -0.6])
-    found = regression(MEASURED, simulated, np.array([MEASURED.mean(), 40.0]))
+    found, band = regression(MEASURED, simulated, np.array([MEASURED.mean(), 40.0]))
     theirs, t = stats.linregress(MEASURED, simulated), stats.t.ppf(0.975, 3)
-    assert found["slope"] == pytest.approx(theirs.slope) and found["intercept"] == pytest.approx(theirs.intercept)
-    assert found["slope_half_width"] == pytest.approx(t * theirs.stderr)
-    assert found["intercept_half_width"] == pytest.approx(t * theirs.intercept_stderr)
+    assert found.slope == pytest.approx(theirs.slope) and found.intercept == pytest.approx(theirs.intercept)
+    assert found.slope_half_width == pytest.approx(t * theirs.stderr)
+    assert found.intercept_half_width == pytest.approx(t * theirs.intercept_stderr)
     design = np.column_stack([np.ones(5), MEASURED])
     left = simulated - design @ [theirs.intercept, theirs.slope]
     covariance = np.linalg.inv(design.T @ design) * (left @ left) / 3
     for i, x in enumerate((MEASURED.mean(), 40.0)):
         half = t * np.sqrt(np.array([1.0, x]) @ covariance @ np.array([1.0, x]))
-        assert found["high"][i] - found["line"][i] == pytest.approx(half)
-        assert found["line"][i] - found["low"][i] == pytest.approx(half)
+        assert band["high"][i] - band["line"][i] == pytest.approx(half)
+        assert band["line"][i] - band["low"][i] == pytest.approx(half)
 
 
 def test_the_band_holds_the_true_line_in_95_of_100_benches():
     draw = np.random.default_rng(1)
     inside = []
     for _ in range(2000):
-        found = regression(MEASURED, 1.0 + 0.9 * MEASURED + draw.normal(0.0, 0.5, 5), np.array([28.0]))
-        inside.append(found["low"][0] < 1.0 + 0.9 * 28.0 < found["high"][0])
+        _, band = regression(MEASURED, 1.0 + 0.9 * MEASURED + draw.normal(0.0, 0.5, 5), np.array([28.0]))
+        inside.append(band["low"][0] < 1.0 + 0.9 * 28.0 < band["high"][0])
     assert np.mean(inside) == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 2000))
 
 
@@ -55,14 +55,14 @@ def test_two_points_make_no_band_and_equal_ones_no_line():
 def test_agreement_tells_a_scale_from_a_scatter():
     """Twice the measurement correlates fully and explains nothing."""
     found = agreement(2.0 * MEASURED, MEASURED)
-    assert found["correlation2"] == pytest.approx(1.0) and found["r2"] < 0.0
-    assert found["rmse"] == pytest.approx(np.sqrt(np.mean(MEASURED**2)))
+    assert found.correlation2 == pytest.approx(1.0) and found.r2 < 0.0
+    assert found.rmse == pytest.approx(np.sqrt(np.mean(MEASURED**2)))
     low, high = stats.t.interval(0.95, 4, loc=MEASURED.mean(), scale=stats.sem(MEASURED))
-    assert found["bias"] == pytest.approx(MEASURED.mean())
-    assert found["bias_half_width"] == pytest.approx((high - low) / 2)
-    assert agreement(MEASURED, MEASURED)["r2"] == 1.0
+    assert found.bias == pytest.approx(MEASURED.mean())
+    assert found.bias_half_width == pytest.approx((high - low) / 2)
+    assert agreement(MEASURED, MEASURED).r2 == 1.0
     one = agreement(MEASURED[:1], MEASURED[:1] + 1.0)
-    assert (one["r2"], one["correlation2"], one["bias_half_width"], one["rmse"]) == (None, None, None, 1.0)
+    assert (one.r2, one.correlation2, one.bias_half_width, one.rmse) == (None, None, None, 1.0)
 
 
 def test_repeats_have_students_interval_and_one_pass_none():
@@ -95,9 +95,9 @@ def test_a_curve_is_cut_at_a_load_between_its_samples():
 
 def test_a_linear_spring_is_straight():
     found = shape(LOADS / 25.0, LOADS)
-    assert found["line_r2"] == pytest.approx(1.0) and found["line_r2_above"] == pytest.approx(1.0)
-    assert found["curvature_share"] == pytest.approx(0.0, abs=1e-12) and found["toe"] == pytest.approx(0.0, abs=1e-9)
-    assert found["first_slope_ratio"] == pytest.approx(1.0)
+    assert found.line_r2 == pytest.approx(1.0) and found.line_r2_above == pytest.approx(1.0)
+    assert found.curvature_share == pytest.approx(0.0, abs=1e-12) and found.toe == pytest.approx(0.0, abs=1e-9)
+    assert found.first_slope_ratio == pytest.approx(1.0)
     np.testing.assert_allclose(tangent(LOADS / 25.0, LOADS, np.array([100.0, 500.0])), 25.0)
 
 
@@ -105,9 +105,9 @@ def test_a_toe_is_the_displacement_that_the_soft_start_adds():
     """10 N/mm up to 100 N, then 20: the line through 200 N with slope 20 starts 5 mm late, of 35 mm."""
     x = np.where(LOADS < 100.0, LOADS / 10.0, 10.0 + (LOADS - 100.0) / 20.0)
     found = shape(x, LOADS)
-    assert found["toe"] == pytest.approx(5.0) and found["toe_share"] == pytest.approx(5.0 / 35.0)
-    assert found["first_slope_ratio"] == pytest.approx(0.5) and found["line_r2_above"] == pytest.approx(1.0)
-    assert found["curvature_share"] * 35.0 == pytest.approx(10.0 - 100.0 * 35.0 / 600.0)
+    assert found.toe == pytest.approx(5.0) and found.toe_share == pytest.approx(5.0 / 35.0)
+    assert found.first_slope_ratio == pytest.approx(0.5) and found.line_r2_above == pytest.approx(1.0)
+    assert found.curvature_share * 35.0 == pytest.approx(10.0 - 100.0 * 35.0 / 600.0)
     slope = tangent(x, LOADS, np.array([10.0, 50.0, 150.0, 590.0]))
     np.testing.assert_allclose(slope[1:3], [10.0, 20.0])
     assert np.isnan(slope[[0, 3]]).all()

@@ -95,12 +95,6 @@ def test_no_usable_trial_is_an_error_that_names_them_all(tmp_path):
         make_study([], options=QUICK)
 
 
-def test_a_bench_file_that_cannot_be_used_does_not_stop_the_walks(tmp_path):
-    study = make_study([embedded_trials()[0]], contact=embedded_contact(), bench=tmp_path / "none.csv", options=QUICK)
-    assert study.bench is None
-    assert "none.csv" in study.bench_problem
-
-
 def test_the_same_manifest_twice_is_refused():
     with pytest.raises(InputError, match="twice"):
         make_study([embedded_trials()[0]] * 2, contact=embedded_contact(), options=QUICK)

@@ -1,0 +1,130 @@
+"""Sections one after the other: what is finished survives an interruption, and the summary of it all."""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from made_study import embedded_study
+
+from vsf_drake.analysis.validation import run as running
+from vsf_drake.analysis.validation.run import Part, SectionStore, study_key, summary_rows
+from vsf_drake.analysis.validation.study import Section
+from vsf_drake.errors import InputError, SimulationError
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a made section finds."""
+
+    error_bw: float
+    unknown: float | None = None
+    labels: tuple[str, ...] = ("low_1",)
+
+
+SECTION = Section(table=Found(0.025), arrays={"curve": np.array([0.1, np.nan, 1.0 / 3.0])}, missing=("No CoP.",))
+
+
+def test_a_kept_section_comes_back_bit_for_bit_and_no_other_or_damaged_one(tmp_path):
+    store = SectionStore(tmp_path / "kept", "key")
+    store.write("walking", SECTION, 1.5)
+    section, wall_s = store.read("walking", Found)
+    assert (section.table, section.missing, wall_s) == (SECTION.table, SECTION.missing, 1.5)
+    np.testing.assert_array_equal(section.arrays["curve"], SECTION.arrays["curve"])
+    assert SectionStore(tmp_path / "kept", "other").read("walking", Found) is None
+    assert store.read("bench", Found) is None and store.read("walking", Part) is None
+    (tmp_path / "kept" / "walking.npz").write_bytes(b"PK")
+    assert store.read("walking", Found) is None
+    (tmp_path / "kept" / "walking.json").write_text('{"key": ')
+    assert store.read("walking", Found) is None
+
+
+def test_what_is_kept_is_taken_away_and_nothing_else(tmp_path):
+    store = SectionStore(tmp_path / "kept", "key")
+    store.write("walking", SECTION, 1.5)
+    (tmp_path / "kept" / ".walking.npz.x1.part").write_bytes(b"PK")
+    store.remove(["walking"])
+    assert not (tmp_path / "kept").exists()
+    store.write("walking", SECTION, 1.5)
+    (tmp_path / "kept" / "thesis.txt").write_text("mine")
+    store.remove(["walking"])
+    assert [path.name for path in (tmp_path / "kept").iterdir()] == ["thesis.txt"]
+
+
+def test_a_full_disk_is_told_as_such(tmp_path, monkeypatch):
+    def full(*args, **arrays):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    with pytest.raises(InputError, match="No space left"):
+        SectionStore(tmp_path / "kept", "key").write("walking", SECTION, 1.5)
+    assert not list((tmp_path / "kept").iterdir())
+
+
+def test_the_key_is_of_what_the_numbers_depend_on():
+    study = embedded_study()
+    own = study_key(study)
+    for change, same in (({"workers": 2}, True), ({"seed": 1}, False), ({"quick": False}, False),
+                         ({"iso_force_n": 1000.0}, False)):
+        other = dataclasses.replace(study, options=dataclasses.replace(study.options, **change))
+        assert (study_key(other) == own) is same, change
+    assert study_key(dataclasses.replace(study, inputs=dict.fromkeys(study.inputs, "0" * 64))) != own
+    contact = dataclasses.replace(study.contact, values={**study.contact.values, "offset.height": 0.001})
+    assert study_key(dataclasses.replace(study, contact=contact)) != own
+
+
+def test_an_interrupted_validation_goes_on_where_it_stopped_and_tells_its_progress(tmp_path, monkeypatch):
+    count, seen = {"first": 0, "second": 0}, []
+
+    def first(study, *, progress=None):
+        count["first"] += 1
+        progress("half", 0.5)
+        return SECTION
+
+    def second(study, *, progress=None):
+        count["second"] += 1
+        if count["second"] == 1:
+            raise KeyboardInterrupt
+        return Section(table=Found(0.5))
+
+    monkeypatch.setattr(running, "_SECTIONS", {"first": Part(first, Found, 1.0), "second": Part(second, Found, 3.0)})
+    with pytest.raises(KeyboardInterrupt):
+        running.run_sections(embedded_study(), folder=tmp_path, progress=lambda *what: seen.append(what))
+    finished = running.run_sections(embedded_study(), folder=tmp_path)
+    assert count == {"first": 1, "second": 2}
+    assert [finished[name].section.table for name in count] == [SECTION.table, Found(0.5)]
+    assert seen == [("first: starting", 0.0), ("first: half", 0.125), ("second: starting", 0.25)]
+
+
+def test_a_section_that_fails_stops_no_other_and_is_named(monkeypatch):
+    def diverges(study, *, progress=None):
+        raise SimulationError("the keel gave way", time_s=0.1)
+
+    monkeypatch.setattr(running, "_SECTIONS", {
+        "first": Part(diverges, Found, 1.0), "second": Part(lambda study, *, progress=None: SECTION, Found, 1.0)})
+    finished = running.run_sections(embedded_study())
+    assert finished["first"].section is None and "keel gave way" in finished["first"].failure
+    assert finished["second"].section is SECTION
+
+
+@pytest.mark.parametrize(("key", "value", "met", "shown", "asked"), [
+    ("bench/stiffness_r2", 0.98, True, "0.9800", "at least 0.98"),
+    ("bench/stiffness_r2", 0.97, False, "0.9700", "at least 0.98"),
+    ("bench/stiffness_r2", None, None, None, "at least 0.98"),
+    ("walking/held_out/grf_rmse_bw", 0.0999, True, "9.99", "at most 10"),
+    ("walking/held_out/grf_rmse_bw", 0.1001, False, "10.01", "at most 10"),
+    ("energy/softer_stores_more", True, True, "yes", "yes"),
+    ("energy/softer_stores_more", False, False, "no", "yes"),
+    ("energy/softer_stores_more", None, None, None, "yes")])
+def test_the_summary_sets_a_value_beside_what_is_asked_and_never_makes_one_up(key, value, met, shown, asked):
+    section, *names = key.split("/")
+    table = value
+    for name in reversed(names):
+        table = {name: table}
+    row = next(row for row in summary_rows({section: table}) if row.key == key)
+    assert (row.value, row.met, row.shown, row.asked) == (value, met, shown, asked)
+    others = [row for row in summary_rows({section: table, "walking": table}) if row.key != key]
+    assert others and all(row.value is None and row.shown is None and row.met is None for row in others)

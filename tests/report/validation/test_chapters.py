@@ -1,0 +1,422 @@
+"""The chapters of a validation: functions of its saved sections, which say what is there and cope with what is not."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_study import saved_section
+from matplotlib.figure import Figure
+from shown_chapter import Shown
+
+from vsf_drake.analysis.validation.bench_section import FallenRow
+from vsf_drake.analysis.validation.energy_section import Softer
+from vsf_drake.analysis.validation.roll_over_section import Mean
+from vsf_drake.analysis.validation.sensitivity_indices import Index
+from vsf_drake.analysis.validation.sensitivity_section import (
+    OUTPUTS,
+    Baseline,
+    Dropped,
+    FactorRow,
+    Failures,
+    GroupedEffect,
+    OutputSpread,
+    Samples,
+    SensitivityTable,
+    WalkedCondition,
+)
+from vsf_drake.analysis.validation.settings_section import PairRow, SettingsTable
+from vsf_drake.files import plain
+from vsf_drake.report.page import cell
+from vsf_drake.report.style import save_figure
+from vsf_drake.report.validation.bench_chapter import bench_agreement_figure, bench_chapter
+from vsf_drake.report.validation.chapters import standing_chapter
+from vsf_drake.report.validation.energy_chapter import energy_chapter
+from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
+from vsf_drake.report.validation.sensitivity_chapter import (
+    GROUPS,
+    MAIN,
+    MOST,
+    indices_figure,
+    screening_figure,
+    sensitivity_chapter,
+)
+from vsf_drake.report.validation.settings_chapter import DESIGNS, poor_judge, settings_chapter
+from vsf_drake.report.validation.walking_chapter import exact_chapter, walking_chapter
+
+MAKERS = {"bench": bench_chapter, "standing": standing_chapter, "walking": walking_chapter, "energy": energy_chapter,
+          "roll_over": roll_over_chapter, "settings": settings_chapter, "sensitivity": sensitivity_chapter}
+FIGURES = {
+    "bench": ["bench_curves", "bench_agreement", "bench_shape", "bench_energy", "bench_load_point"],
+    "standing": ["standing"],
+    "walking": ["walking_errors", "walking_forces", "walking_paths", "walking_differences", "walking_sweep"],
+    "energy": ["energy_stance", "energy_position", "energy_ledger", "energy_power"],
+    "roll_over": ["roll_over_shapes", "iso_22675_profile", "inclined_loading"],
+    "settings": ["settings_effects", "settings_travel", "settings_pairs"], "sensitivity": ["sensitivity_screening"]}
+
+
+@pytest.fixture(autouse=True)
+def unsettled(monkeypatch):
+    """The layout of a figure is settled when it is saved, not in every test."""
+    monkeypatch.setattr(Figure, "draw_without_rendering", lambda figure: None)
+
+
+@pytest.fixture(scope="module")
+def saved(quick_validation):
+    """Table and arrays of a section of the quick validation."""
+    def _saved(name):
+        section = saved_section(quick_validation, name)
+        return section.table, dict(section.arrays)
+
+    return _saved
+
+
+def assert_sound(chapter, table, arrays):
+    """Figures tell their finding in numbers and have units on their axes; every table can be shown and written."""
+    shown = Shown(chapter(table, arrays))
+    for name, alt in shown.alts.items():
+        assert re.search(r"\d", alt) and len(alt) > 60 and shown.captions[name], name
+        assert "nan" not in alt.lower() and "None" not in alt, name
+        for axes in shown.figures[name].axes:
+            if axes.axison:
+                assert re.search(r"\(.+\)$|^trial$|^walk$|heel", axes.get_xlabel()) or axes.get_subplotspec(), name
+    for grid in shown.grids.values():
+        assert grid.rows and len({column.heading for column in grid.columns if column.heading not in "±SDR²"}) > 1
+        for row in plain(grid.rows):
+            texts = [cell(column, row.get(column.key)) for column in grid.columns]
+            assert all(texts) and not any("nan" in text.lower() or text == "None" for text in texts), grid.name
+    assert ">nan<" not in shown.html and ">None<" not in shown.html and "None" not in shown.words
+    return shown
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_every_chapter_of_a_quick_validation_has_its_figures_and_tables(saved, name):
+    assert list(assert_sound(MAKERS[name], *saved(name)).alts) == FIGURES[name]
+
+
+def test_chapters_are_made_without_drake():
+    code = ("import sys, vsf_drake.report.validation.chapters; "
+            "sys.exit(any(name.split('.')[0] == 'pydrake' for name in sys.modules))")
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_same_table_gives_the_same_figure(saved, tmp_path):
+    first, second = (save_figure(bench_agreement_figure(*saved("bench")), tmp_path / name) for name in ("a", "b"))
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+
+
+# The bench.
+
+
+def test_bench_sets_the_paper_s_figures_beside_ours_and_says_what_is_not_reached(saved):
+    table, arrays = saved("bench")
+    shown = Shown(bench_chapter(table, arrays))
+    ours, *_, paper = shown.grids["bench_comparison"].rows
+    assert (paper["stiffness_r2"], paper["stiffness_rmse_n_per_mm"], paper["mid_range_rmse_mm"]) == (0.98, 1.37, 0.45)
+    assert ours["mid_range_rmse_mm"] == table.mid_range_rmse_mm
+    assert f"RMSE of mid-range displacement {table.mid_range_rmse_mm:.2f} mm" in shown.items[0]
+    assert "SYNTHETIC" in shown.words and not shown.missing
+    worse = replace(table.lines[0], statistics=replace(table.lines[0].statistics, stiffness_rmse_n_per_mm=2.5))
+    words = Shown(bench_chapter(replace(
+        table, lines=(worse, *table.lines[1:]), unconverged_steps=3,
+        within_limits={**table.within_limits, "stiffness_rmse_n_per_mm": False}), arrays)).words
+    assert "RMSE 2.50 N/mm (paper 1.37: not reached)" in words and "3 steps" in words
+
+
+def test_measured_curves_are_solid_and_simulated_ones_dashed(saved):
+    table, arrays = saved("bench")
+    lines = [line for line in bench_chapter(table, arrays).figures["bench_curves"].axes[0].get_lines()
+             if len(line.get_xdata()) > 100]
+    solid = [line for line in lines if line.get_linestyle() == "-"]
+    assert len(solid) == 5 and len(lines) == 15
+    assert np.allclose(solid[0].get_xdata(), arrays["measured_mm"][0])
+
+
+def test_bench_without_curves_rates_and_load_points_shows_the_published_end_points(saved):
+    table, arrays = saved("bench")
+    lines = tuple(replace(line, statistics=None) for line in table.lines[:3])
+    settings = tuple(replace(row, measured=None, repeats=0, lines={
+        key: value and type(value).__mro__[1](**{name: getattr(value, name) for name in (
+            "stiffness_n_per_mm", "mid_range_mm", "max_displacement_mm", "stored_j", "shape")})
+        for key, value in row.lines.items()}) for row in table.settings)
+    bare = replace(table, lines=lines, settings=settings, n=0, measured=False, measured_name=None, regression=None,
+                   measured_synthetic=None, rates=(), load_points=())
+    arrays |= {"measured_mm": np.full_like(arrays["measured_mm"], np.nan)}
+    shown = assert_sound(bench_chapter, bare, arrays)
+    assert list(shown.alts) == FIGURES["bench"][:3] and "bench_comparison" not in shown.grids
+    assert "published end points" in shown.words and "R²" not in shown.words and "SYNTHETIC" not in shown.words
+
+
+# Standing.
+
+
+def test_mass_stands_beside_the_known_one_and_a_standing_that_failed_stays_empty(saved):
+    table, arrays = saved("standing")
+    shown = Shown(standing_chapter(table, arrays))
+    row = shown.grids["standing"].rows[0]
+    texts = {column.key: cell(column, row[column.key]) for column in shown.grids["standing"].columns}
+    assert (texts["mass_known_kg"], texts["mass_predicted_kg"], texts["paper_mass_error"]) == ("78.00", "78.00", "-2.6")
+    assert texts["stands"] == "yes" and "less than 0.01 %" in shown.paragraphs[0]
+    assert "765.2 N" in shown.alts["standing"] and f"{row['prosthetic_share']:.0%}" in shown.alts["standing"]
+    bars = shown.figures["standing"].axes[1].patches
+    assert bars[0].get_height() + bars[3].get_height() == pytest.approx(row["weight_n"], rel=1e-4)
+
+    fallen = FallenRow(fulcrum_mm=66.0, mass_known_kg=78.0, failure="the person fell", unknown={"drift_mm": None})
+    table = replace(table, rows=(fallen, *table.rows[1:]), worst_mass_error=-0.031)
+    shown = assert_sound(standing_chapter, table, arrays)
+    assert "at most 3.10 %" in shown.paragraphs[0]
+    assert len(shown.figures["standing"].axes[1].get_xticks()) == 2
+    shown = Shown(standing_chapter(replace(table, rows=(fallen,), worst_mass_error=None, all_stand=None), {}))
+    assert shown.paragraphs[0] == "No standing could be simulated." and not shown.alts
+
+
+# Walking.
+
+
+def test_table_3_has_the_papers_row_beside_each_condition(saved):
+    table, arrays = saved("walking")
+    shown = Shown(walking_chapter(table, arrays))
+    rows = shown.grids["walking_table_3"].rows
+    paper, own = ([row for row in rows if row["source"] == source] for source in ("paper", "held out"))
+    assert [(row["grf_rmse_bw"], row["cop_rmse_fl"], row["stance_measured_s"], row["stance_measured_s_sd"])
+            for row in paper] == [(0.10, 0.089, 0.73, 0.02), (0.13, 0.095, 0.79, 0.01), (0.14, 0.057, 0.71, 0.02)]
+    published = {"grf_rmse_bw", "cop_rmse_fl", "stance_measured_s", "stance_measured_s_sd"}
+    columns = {c.key for c in shown.grids["walking_table_3"].columns} - {"setting", "source", "n"}
+    assert all(row.get(key) is None for row in paper for key in columns - published)
+    assert [row["grf_rmse_bw"] for row in own] == [row.grf_rmse_bw for row in table.rows]
+    nowhere = replace(table, conditions=(replace(table.conditions[0], name=None, paper=None), *table.conditions[1:]))
+    rows = Shown(walking_chapter(nowhere, arrays)).grids["walking_table_3"].rows
+    assert sum(row["source"] == "paper" for row in rows) == 2
+
+
+def test_findings_give_mean_worst_null_model_and_the_limits_of_the_test_along_the_curve(saved):
+    table, arrays = saved("walking")
+    own, words = table.held_out, Shown(walking_chapter(table, arrays)).words
+    assert f"{100.0 * own.scores['grf_rmse_bw']:.1f} % BW" in words
+    assert f"worst {100.0 * own.scores['grf_rmse_bw_worst']:.1f}, {own.scores['grf_rmse_bw_worst_trial']}" in words
+    assert f"{own.beats_null} of {own.beats_null_of} beat the null model" in words
+    assert "synthetic" in words and table.difference_method in words and "is not agreement" in words
+    words = Shown(walking_chapter(replace(table, difference_method="pointwise bootstrap", spm1d=None), arrays)).words
+    assert "pointwise and not corrected" in words
+    fitted = replace(table, offsets_fitted=own, held_out=None,
+                     rows=tuple(replace(row, role="offsets fitted") for row in table.rows))
+    words = Shown(walking_chapter(fitted, arrays)).words
+    assert "which is no prediction" in words and "favours that place" in words
+    exact = Shown(exact_chapter(table, arrays))
+    assert list(exact.grids) == ["exact_table_3", "exact_trials"] and not exact.alts
+    assert "nothing is wrong but the model" in exact.words
+
+
+def test_a_bare_trial_without_a_whole_stance_whose_sweep_failed_has_a_chapter_too(saved):
+    table, _ = saved("walking")
+    unknown = dict.fromkeys(("stance_model_s", "stance_error_s", "heel_strike_error_s", "toe_off_error_s",
+                             "cop_rmse_fl", "null_model_grf_rmse_bw", "beats_null"))
+    sweep = replace(table.rows[0].sweep, grf_rmse_bw=(None,) * 6, best_mm=None, off_mm=None)
+    rows = tuple(replace(row, **unknown, whole_stances=0, sweep=sweep) for row in table.rows[:1])
+    bare = replace(table, rows=rows, differences=(), difference_method=None, stance_r=None,
+                   conditions=table.conditions[:1])
+    shown = assert_sound(walking_chapter, bare, {})
+    assert list(shown.alts) == ["walking_errors"] and "too few walks" in shown.words
+    assert "No walk could be scored with the fulcrum elsewhere." in shown.words
+
+
+def test_more_conditions_than_fit_side_by_side_get_more_figures(saved):
+    table, arrays = saved("walking")
+    arrays = {key: value for key, value in arrays.items() if "_vertical_" in key or "_cop_" in key}
+    conditions, differences = list(table.conditions), list(table.differences)
+    for i, fulcrum in ((3, 160.0), (4, 170.0)):
+        conditions.append(replace(conditions[0], fulcrum_mm=fulcrum, name=None, paper=None))
+        differences += [replace(d, group=i) for d in table.differences if d.group == 0]
+        arrays |= {key.replace("group_0_", f"group_{i}_"): value for key, value in arrays.items()
+                   if key.startswith("group_0_")}
+    rows = (*table.rows, replace(table.rows[0], label="a $ walk", fulcrum_mm=160.0, setting=None))
+    many = replace(table, conditions=tuple(conditions), differences=tuple(differences), rows=rows)
+    assert {"walking_forces_1", "walking_forces_2", "walking_paths_1", "walking_paths_2"} <= set(
+        Shown(walking_chapter(many, arrays)).alts)
+
+
+# Energy.
+
+
+def test_energy_says_what_is_stored_where_and_that_nobody_measured_it(saved):
+    table, arrays = saved("energy")
+    shown = Shown(energy_chapter(table, arrays))
+    for c in table.conditions:
+        assert f"{c.means['returned_j']:.1f} J with the fulcrum at {c.fulcrum_mm:g} mm" in shown.paragraphs[0]
+    assert "SYNTHETIC" in shown.paragraphs[0] and "There is no measured energy to compare with" in shown.missing[0]
+    assert shown.words.count("not read for this report") == 1
+    assert "every trial walked at all positions, the softer setting stores and returns more" in shown.words
+    assert "With the same motion the opposite holds, as it must" in shown.words
+    assert len(shown.items) == 4 and all(re.search(r"\d", line) for line in shown.items)
+    grid = shown.grids["energy_ledger"]
+    first, *names = [column.key for column in grid.columns if column.key.endswith("_j")]
+    for row in plain(grid.rows):
+        assert first == "limb_work_j" and row[first] == pytest.approx(sum(row[name] for name in names), abs=1e-9)
+
+
+@pytest.mark.parametrize(("stores", "returns", "said"), [
+    (False, False, "does NOT always store more, nor return more (not in low_2)"),
+    (True, False, "stores more, but does NOT always return more (not in low_2)"),
+    (False, True, "returns more, but does NOT always store more (not in low_2)")])
+def test_a_setting_that_does_not_store_more_is_called_so_with_the_trials(saved, stores, returns, said):
+    table, arrays = saved("energy")
+    judged = {key: replace(table.softer[key], same_load=one, same_load_against=() if one else ("low_2",))
+              for key, one in (("stored_j", stores), ("returned_j", returns))}
+    assert said in Shown(energy_chapter(replace(table, softer=judged), arrays)).words
+
+
+def test_one_setting_no_other_position_and_no_stance_have_a_chapter(saved):
+    table, arrays = saved("energy")
+    unknown = Softer(recorded=None, same_load=None, same_load_against=(), same_motion=None, same_motion_against=(),
+                     both=None)
+    one = replace(table, trials=table.trials[:1], conditions=table.conditions[:1], same_load=(), same_motion=(),
+                  convergence=(), softer={"stored_j": unknown, "returned_j": unknown})
+    own = {"percent": arrays["percent"], **{key: arrays[key][:1] for key in ("terms_j", "pylon_power_w",
+                                                                            "shank_power_w")}}
+    shown = Shown(energy_chapter(one, own))
+    assert "there are not two settings to compare" in shown.words and "energy_position" not in shown.alts
+    shown = Shown(energy_chapter(replace(one, trials=(), conditions=()), {"percent": arrays["percent"]}))
+    assert "no energy to tell of" in shown.paragraphs[0] and not shown.alts and not shown.grids
+
+
+# Rolling over.
+
+
+def test_rolling_over_gives_the_numbers_of_the_table_and_shouts_what_is_not_followed(saved):
+    table, arrays = saved("roll_over")
+    shown = Shown(roll_over_chapter(table, arrays))
+    for condition in table.conditions:
+        assert f"radius {1e3 * condition.model['radius_m'].mean:.0f} mm" in shown.words
+    assert "no load level of the standard" in shown.words and "synthetic" in shown.captions["roll_over_shapes"]
+    positions = (replace(table.iso.positions[0], follows=False), *table.iso.positions[1:])
+    iso = replace(table.iso, force_n=1000.0, force_from="given", follows=False, positions=positions)
+    shown = Shown(roll_over_chapter(replace(table, iso=iso), arrays))
+    assert "1000 N, as given" in shown.words and "no load level" not in shown.words
+    assert "DOES NOT FOLLOW" in shown.words
+    assert "NO" in [row["follows"] for row in shown.grids["iso_22675_profile"].rows]
+
+
+def test_without_walks_profile_inclined_loading_or_a_measured_path_the_rest_is_shown(saved):
+    table, arrays = saved("roll_over")
+    for part in ({"walks": (), "conditions": ()}, {"iso": replace(table.iso, positions=())}, {"inclined": ()}):
+        shown = assert_sound(roll_over_chapter, replace(table, **part), arrays)
+        assert len(shown.alts) == 2 and len(shown.missing) == 1
+    walk, condition = table.walks[0], table.conditions[0]
+    blind = replace(walk, measured=replace(walk.measured, **dict.fromkeys(vars(walk.measured))))
+    none = dict.fromkeys(condition.measured, Mean(mean=None, sd=None, count=0))
+    arrays |= {f"{walk.curves}_measured_{axis}_m": np.full(101, np.nan) for axis in ("forward", "up")}
+    one = replace(table, walks=(blind,), conditions=(replace(condition, measured=none),))
+    shown = assert_sound(roll_over_chapter, one, arrays)
+    assert "plate not known" in shown.words and len(shown.alts) == 3
+
+
+# Settings.
+
+
+def test_settings_begin_with_the_answer_and_dark_cells_are_the_pairs_that_are_told_apart(saved):
+    table, arrays = saved("settings")
+    shown = Shown(settings_chapter(table, arrays))
+    assert shown.paragraphs[0] == table.answer and "10, 13 and 14 % BW" in shown.paragraphs[1]
+    said = " ".join(shown.items)
+    assert f"seed {table.seed}" in said and f"{table.draws} sessions" in said and "1.2°" in said
+    assert "SYNTHETIC" in shown.figures["settings_effects"].get_suptitle()
+    for axes, design in zip(shown.figures["settings_pairs"].axes, DESIGNS, strict=True):
+        dark = sum(patch.get_facecolor()[0] < 0.5 for patch in axes.patches)
+        apart = [row.limits[f"noise_told_apart_{design}"] if row.limits[f"told_apart_{design}"] is None
+                 else row.limits[f"told_apart_{design}"] for row in table.pairs]
+        assert dark == sum(apart)
+        assert f"{sum(apart)} of {len(apart)} pairs and outcomes told apart" in shown.alts["settings_pairs"]
+
+
+def test_settings_without_model_error_or_without_any_walk_have_a_chapter(saved):
+    table, arrays = saved("settings")
+    outcomes = tuple(replace(row, model_error_sd=None, limits={
+        key: None if key.startswith(("sdd", "smallest")) else value for key, value in row.limits.items()})
+        for row in table.outcomes)
+    pairs = tuple(replace(row, limits={key: value if key.startswith("noise") else None
+                                       for key, value in row.limits.items()}) for row in table.pairs)
+    shown = assert_sound(settings_chapter, replace(table, outcomes=outcomes, pairs=pairs, as_walked=()), arrays)
+    assert "noise alone" in shown.figures["settings_effects"].axes[0].get_title(loc="left")
+    assert len(shown.alts) == 3 and "As the settings were walked" not in shown.html
+    empty = SettingsTable(answer="No walk of this study can tell.", outcomes=(), pairs=(), draws=0, seed=0,
+                          fulcrum_estimate_sd_mm=None)
+    shown = Shown(settings_chapter(empty, {}))
+    assert shown.paragraphs == [empty.answer] and shown.missing
+
+
+@pytest.mark.parametrize(("first", "second", "told", "said"), [
+    (2.0, -2.0, False, True), (2.0, -2.9, True, False), (-2.0, 2.0, False, False)])
+def test_energy_cannot_tell_the_ends_apart_only_if_it_does_not_and_rises_in_between(first, second, told, said):
+    def pair(low, high, effect, apart):
+        return PairRow(outcome="energy_stored_j", from_mm=low, to_mm=high, effect=effect, effect_sd=None,
+                       limits={"noise_told_apart_same_recording": apart})
+
+    ends = pair(66.0, 151.0, first + second, told)
+    found = poor_judge([pair(66.0, 108.0, first, True), pair(108.0, 151.0, second, True), ends])
+    assert found == (ends if said else None)
+
+
+# Sensitivity, of a made table of the long form: the i-th factor's mu* is (18 - i) thousandths.
+
+NAMES = [f"{group} {n}" for group in GROUPS for n in (1, 2, 3)]
+
+
+def indices(names):
+    return tuple(Index(name=name, s1=0.3, s1_conf=0.2 if i else 0.05, st=0.5 - 0.02 * i, st_conf=0.1, s1_wide=bool(i),
+                       st_wide=False) for i, name in enumerate(names))
+
+
+def each(value):
+    return dict.fromkeys(OUTPUTS, value)
+
+
+EFFECTS = tuple(GroupedEffect(name=name, group=name.split()[0], mu=-0.5e-3 * (18 - i), mu_star=1e-3 * (18 - i),
+                              mu_star_conf=1e-3, sigma=2e-3) for i, name in enumerate(NAMES))
+LONG = SensitivityTable(
+    factors=tuple(FactorRow(name=name, group=name.split()[0], unit="mm", low=-1.0, high=1.0, why="a choice",
+                            variables=("v",), local_grf_bw=0.01) for name in NAMES),
+    conditions=tuple(WalkedCondition(label=f"walk_{x:g}", fulcrum_mm=x, role="held out") for x in (66.0, 108.0)),
+    indexed=1, baseline=each(Baseline(mean=0.03, by_condition=(0.02, 0.04))), morris=each(EFFECTS),
+    morris_by_condition=each((tuple(row.mu_star for row in EFFECTS),) * 2), stability=each(0.91), local_agreement=0.95,
+    ranking=each(tuple(NAMES)), sobol=each(indices(GROUPS)), sobol_factors=each(indices(NAMES[:4])),
+    strongest=tuple(NAMES[:4]), spread=each(OutputSpread(mean=0.05, sd=0.01, p05=0.04, p50=0.05, p95=0.07)),
+    explained=each(0.8), interaction=each(0.2), interaction_conf=each(0.1), walks=1000, unconverged=0, trajectories=16,
+    failures=Failures(count=3, examples=("point 4: the run diverges",), dropped=each(
+        Dropped(trajectories=0, group_blocks=0, factor_blocks=0)) | {
+            "grf_rmse_bw": Dropped(trajectories=1, group_blocks=2, factor_blocks=None)}),
+    samples=Samples(groups=256, factors=128), seed=0, quick=False, synthetic=True)
+
+
+def test_sensitivity_names_the_strongest_factors_counts_wide_intervals_and_quotes_a_failure():
+    rows = LONG.sobol["grf_rmse_bw"]
+    wide = replace(LONG, sobol=LONG.sobol | {"grf_rmse_bw": (*rows[:2], replace(rows[2], st_wide=True), *rows[3:])})
+    shown = assert_sound(sensitivity_chapter, wide, {})
+    assert list(shown.alts) == ["sensitivity_screening", "sensitivity_indices"] and len(shown.grids) == 6
+    assert "kinematics 1 1.8 ± 0.1, kinematics 2 1.7 ± 0.1" in shown.words and "synthetic walk_66" in shown.words
+    assert f"{3 * 8} of {3 * 10} first-order indices" in shown.words  # of each output 5 of 6 groups, 3 of 4 factors
+    assert f"total index of {rows[2].name} (resultant GRF error)" in shown.words
+    assert "3 failed" in shown.words and "the run diverges" in shown.words
+    assert "3 for the resultant GRF error" in shown.words
+    axes = screening_figure(LONG).axes[0]
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == NAMES[:MOST]
+    assert axes.get_ylim()[0] > axes.get_ylim()[1] and axes.patches[0].get_width() == pytest.approx(1.8)
+    for axes in (*screening_figure(LONG).axes, *indices_figure(LONG).axes):
+        assert axes.get_xlabel().endswith(")") and axes.get_ylabel() and axes.get_title(loc="left")
+
+
+def test_without_a_centre_of_pressure_or_any_effects_the_rest_of_the_sensitivity_is_shown():
+    gone = dict.fromkeys(("cop_rmse_fl", "cop_shift_mm"))
+    without = {key: getattr(LONG, key) | gone for key in (
+        "morris", "sobol", "sobol_factors", "spread", "explained", "interaction", "interaction_conf", "stability")}
+    blind = replace(LONG, **without, ranking=LONG.ranking | dict.fromkeys(gone, ()), baseline=LONG.baseline | (
+        dict.fromkeys(gone, Baseline(mean=None, by_condition=(None, None)))))
+    shown = assert_sound(sensitivity_chapter, blind, {})
+    assert "CoP error" not in shown.alts["sensitivity_screening"]
+    assert len(screening_figure(blind).axes) == len(MAIN) - 1
+    none = replace(LONG, morris=each(None), sobol=each(None), sobol_factors=each(None), local_agreement=None)
+    shown = Shown(sensitivity_chapter(none, {}))
+    assert shown.missing and not shown.alts
