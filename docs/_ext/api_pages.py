@@ -71,15 +71,14 @@ def page(name: str, modules: list[ModuleType]) -> str:
 
 
 def described(path: Path) -> list[str]:
-    """Public names that a module defines and describes, in its order; a template system by its name for float."""
+    """Public names that a module defines and describes, in its order."""
     body = ast.parse(path.read_text(encoding="utf-8")).body
     names = []
     for node, following in zip(body, [*body[1:], None], strict=False):  # an empty file has no node
         match node:
             case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
-                is_template = any("system_template" in ast.unparse(decorator) for decorator in node.decorator_list)
-                if is_template or ast.get_docstring(node):
-                    names.append(name.removesuffix("_") if is_template else name)
+                if ast.get_docstring(node):
+                    names.append(name)
             case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
                 if isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant):
                     names.append(name)

@@ -123,8 +123,6 @@ def add_foot(
 
     In a plant with a time step, springs, carriage and support are actuators and a constraint (see below). The
     plant's actuation port counts these too: connect your controller to that of your own model instance.
-
-    InputError says which of these do not go together, and why; nothing has been added then.
     """
     _check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)

@@ -106,9 +106,7 @@ def wire_foot(
         own_ground: the foot has a contact of Drake's own, and what it meets is your affair: a body that moves, or
             nothing. Otherwise geometry that is fixed to the world must be there for it to stand on.
 
-    Raises:
-        InputError: the plant is not finalised, not in `builder` or not the foot's; the foot is wired already; a force
-            port of the plant is exported; ground or position cannot be. Nothing has been added then.
+    After an InputError nothing has been added.
     """
     check_open(builder)
     check_type(plant, MultibodyPlant, "plant", "Call wire_foot(builder, plant, foot)")

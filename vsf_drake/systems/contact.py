@@ -118,9 +118,6 @@ class KelvinVoigtContact(_AtSites):
                 "applied": (p_BoS_W, force)}  # S, C: one line of action
 
 
-KelvinVoigtContact_ = KelvinVoigtContact.template
-
-
 @system_template()
 class StickSlipFriction(_AtSites):
     """Stick-slip friction of N spheres on the ground plane.
@@ -173,9 +170,6 @@ class StickSlipFriction(_AtSites):
         f_C_W = 0.0 * v_WC
         f_C_W[:, :2] = friction_force(v_WC[:, :2], self._value(context, "normal_force"), **law, smooth=self._smooth)
         return {"friction_force": f_C_W.ravel(), "applied": (p_BoC_W, f_C_W)}
-
-
-StickSlipFriction_ = StickSlipFriction.template
 
 
 @system_template()
@@ -236,9 +230,6 @@ class GroundReaction(_AtSites):
         force = self._value(context, "friction_force").reshape(-1, 3).copy()
         force[:, 2] += self._value(context, "normal_force")
         return _on_plane(force.sum(axis=0), cross(p_WC, force).sum(axis=0), constants["ground_height"])
-
-
-GroundReaction_ = GroundReaction.template
 
 
 @system_template()
@@ -321,9 +312,6 @@ def _number(geometry_id: GeometryId | int) -> int:
     return geometry_id if isinstance(geometry_id, int) else geometry_id.get_value()
 
 
-DrakeReaction_ = DrakeReaction.template
-
-
 @system_template()
 class TestingMachine(_AtSites):
     """A massless platen that presses N sites of the foot from below, in displacement control.
@@ -382,4 +370,8 @@ class TestingMachine(_AtSites):
         return {"load": [force.sum()], "depth": depth, "applied": (p_BoS_W, force)}
 
 
+KelvinVoigtContact_ = KelvinVoigtContact.template
+StickSlipFriction_ = StickSlipFriction.template
+GroundReaction_ = GroundReaction.template
+DrakeReaction_ = DrakeReaction.template
 TestingMachine_ = TestingMachine.template

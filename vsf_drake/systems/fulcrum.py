@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, SupportsInt
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import BasicVector_, Context, ContinuousState, DependencyTicket
+from pydrake.systems.framework import BasicVector_, Context, ContinuousState
 
 from vsf_drake.errors import InputError, require
 from vsf_drake.laws import lead_screw as law
@@ -20,7 +20,6 @@ from vsf_drake.schema import check
 from vsf_drake.systems._system import System, cross, system_template
 
 THREAD = ("screw_lead_m", "screw_mean_diameter_m", "thread_friction", "thread_flank_angle_rad")
-STATE = ("fulcrum_position", "carriage_velocity", "energy", "work", "losses")
 
 
 @system_template()
@@ -73,9 +72,9 @@ class FulcrumSupport(System):
         self._declare_kinematics()
         self._declare_inputs(fulcrum_position=1)
         self._declare_parameters("fulcrum_", stiffness=(stiffness, ()), damping=(damping, ()))
-        self._support = self._declare_cached("support", self._calc_support)
-        self._declare_spatial_forces(self._spatial_forces)
-        self._declare_parts(self._support, support_force=1)
+        support = self._declare_cached("support", self._calc_support)
+        self._declare_spatial_forces(lambda context: support(context)["applied"])
+        self._declare_parts(support, support_force=1)
 
     def _calc_support(self, context: Context) -> dict[str, Any]:
         constants = self._constants(context)
@@ -101,13 +100,6 @@ class FulcrumSupport(System):
         F_B_W = np.concatenate((cross(p_BoP_W, f_P_W), f_P_W))
         F_F_W = -np.concatenate((cross(p_FoP_W, f_P_W), f_P_W))
         return {"support_force": [force], "applied": ((body, F_B_W), (self._frame, F_F_W))}
-
-    def _spatial_forces(self, context: Context) -> Iterable[tuple[int, np.ndarray]]:
-        applied: Iterable[tuple[int, np.ndarray]] = self._support(context)["applied"]
-        return applied
-
-
-FulcrumSupport_ = FulcrumSupport.template
 
 
 @system_template(AutoDiffXd, Expression)
@@ -162,9 +154,6 @@ class FulcrumCommand(System):
         desired = np.zeros(self._count, dtype=position.dtype)
         desired[self._carriage] = position[0]
         return desired
-
-
-FulcrumCommand_ = FulcrumCommand.template
 
 
 @system_template()
@@ -247,11 +236,11 @@ class FulcrumActuator(System):
         q, v, z, given = self.q_ticket(), self.v_ticket(), self.z_ticket(), self.all_parameters_ticket()
         sources = (q, v, self.all_input_ports_ticket(), given)
         self._drive = self._declare_cached("drive", self._calc_drive, *sources)
-        self._declare_state(q, "fulcrum_position")
-        self._declare_state(v, "carriage_velocity")
+        self._declare_part("fulcrum_position", 1, _state, slice(0, 1), q)
+        self._declare_part("carriage_velocity", 1, _state, slice(1, 2), v)
         self._declare_output("motor_current", 1, self._current, *sources)
-        for name in STATE[2:]:
-            self._declare_state(z, name)
+        for i, name in enumerate(("energy", "work", "losses"), start=2):
+            self._declare_part(name, 1, _state, slice(i, i + 1), z)
         self._declare_output("position_error", 1, self._position_error, q, desired.ticket(), given)
 
     def SetPosition(self, context: Context, position: float) -> None:
@@ -261,10 +250,6 @@ class FulcrumActuator(System):
         state = _state(context).copy()
         state[:2] = position, 0.0
         context.SetContinuousState(state)
-
-    def _declare_state(self, ticket: DependencyTicket, name: str) -> None:
-        i = STATE.index(name)
-        self._declare_part(name, 1, _state, slice(i, i + 1), ticket)
 
     def _current(self, context: Context) -> np.ndarray:
         return np.array([self._drive(context)[0]])
@@ -344,4 +329,6 @@ def _check_travel(rearmost: Any, foremost: Any, position: Any) -> None:
             f"It must be between {low:g} and {high:g} m from A")
 
 
+FulcrumSupport_ = FulcrumSupport.template
+FulcrumCommand_ = FulcrumCommand.template
 FulcrumActuator_ = FulcrumActuator.template

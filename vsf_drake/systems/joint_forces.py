@@ -81,9 +81,6 @@ class KeelElasticity(_JointForces):
         return moment
 
 
-KeelElasticity_ = KeelElasticity.template
-
-
 @system_template()
 class SocketBushing(_JointForces):
     """Six springs and dampers with limits on the six coordinates between residual limb and socket.
@@ -129,9 +126,6 @@ class SocketBushing(_JointForces):
 
     def _force(self, context: Context) -> np.ndarray:
         return axis_force(*self._motion(context), **self._constants(context))
-
-
-SocketBushing_ = SocketBushing.template
 
 
 @system_template(AutoDiffXd, Expression)
@@ -184,4 +178,6 @@ class GaitDriver(_JointForces):
         return force
 
 
+KeelElasticity_ = KeelElasticity.template
+SocketBushing_ = SocketBushing.template
 GaitDriver_ = GaitDriver.template

@@ -128,9 +128,6 @@ def _state(context: Context) -> Any:
     return context.get_discrete_state_vector().CopyToVector()
 
 
-SwingController_ = SwingController.template
-
-
 @system_template()
 class ShankAngle(System):
     """An inertial sensor: sagittal inclination of a body B against the vertical, and its rate, without noise.
@@ -170,9 +167,6 @@ class ShankAngle(System):
         x, z = g_B[0], g_B[2]
         rate = (x * rate_B[2] - z * rate_B[0]) / (x * x + z * z)
         return np.array([arctan2(-x, z), rate])
-
-
-ShankAngle_ = ShankAngle.template
 
 
 @system_template()
@@ -234,4 +228,6 @@ class AdjustmentRecorder(System):
         discrete.set_value(np.array([ended, last_energy, last_swings, start, swings, enabled, energy]))
 
 
+SwingController_ = SwingController.template
+ShankAngle_ = ShankAngle.template
 AdjustmentRecorder_ = AdjustmentRecorder.template
