@@ -61,8 +61,6 @@ def drawing(width: float, height: float) -> Iterator[Figure]:
         figure.draw_without_rendering()
 
 
-Row = Mapping[str, Any]
-"""Of a saved table, positions of the fulcrum in mm."""
 Arrays = Mapping[str, np.ndarray]
 FULCRUM = "fulcrum from the keel's posterior end (mm)"
 
