@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -176,6 +177,44 @@ def test_the_start_is_the_models_own_foot_but_for_exponents_that_may_fall(variab
     of_laws = tuple(f"contact.{zone}.{name}" for zone in ZONES for name in ("stiffness", "exponent", "damping"))
     others = {name: value for name, value in values.items() if name in variables and name not in of_laws}
     assert others == pytest.approx({name: variables[name].default for name in others})
+
+
+FACTORS = {r"contact\..*\.force": (0.5, 8.0), r"contact\.(.*\.)?damping_time": (0.7, 20.0)}
+"""Prior width of the logarithm, and by how many times the value may be larger or smaller."""
+DEGREE = np.pi / 180.0
+SHIFTS = {r"contact\..*\.rise": (4e-3, 0.016), r"offset\.(height|fore_aft)": (0.01, 0.04),
+          r"offset\.alignment": (3.0 * DEGREE, 12.0 * DEGREE), r"coordinate\..*": (1.5 * DEGREE, 15.0 * DEGREE),
+          r"curve\..*": (0.5 * DEGREE, 5.0 * DEGREE), r"trial\..*\.height": (2e-3, 0.02),
+          r"trial\..*\.path\..*": (1e-3, 0.01)}
+"""Prior width of what is 0 in the model, and how far it may be off."""
+OWN = {r"contact\..*\.full_damping_depth": 0.5, r"socket\..*": 0.5, r"keel\..*": 0.1, r"fulcrum\..*": 0.3,
+       r"friction\..*": 0.3}
+"""Prior width of the logarithm of a variable with bounds of its own."""
+
+
+@pytest.mark.parametrize("damping_by_zone", [False, True])
+def test_bounds_and_priors_are_about_the_models_own_foot(variables, damping_by_zone):
+    def of(table, name):
+        return next((row for pattern, row in table.items() if re.fullmatch(pattern, name)), None)
+
+    for item in standard_parameters(variables, "right", LABELS, damping_by_zone=damping_by_zone, paths=True).items:
+        name, ends = item.name, (item.low, item.mean, item.high)
+        assert item.start == item.mean and item.prior
+        if factor := of(FACTORS, name):
+            assert (item.scale, item.logarithmic) == (factor[0], True), name
+            assert ends == pytest.approx((item.mean / factor[1], item.mean, item.mean * factor[1])), name
+        elif shift := of(SHIFTS, name):
+            assert not item.logarithmic and (item.scale, *ends) == pytest.approx((shift[0], -shift[1], 0.0, shift[1]))
+        elif scale := of(OWN, name):
+            v = variables[name]
+            assert (item.scale, item.logarithmic, *ends) == (scale, True, v.low, v.default, v.high), name
+        else:
+            n = variables[name].default
+            assert (item.scale, item.logarithmic, *ends) == (0.3, False, 1.0, max(n, 1.2), 2.0), name
+        if name.endswith("damping_time"):
+            k, n, b = (variables[f"contact.{name.split('.')[1] if damping_by_zone else ZONES[-1]}.{one}"].default
+                       for one in ("stiffness", "exponent", "damping"))
+            assert item.mean == pytest.approx(b / (k * n * REFERENCE_DEPTH_M ** (n - 1.0)))
 
 
 @pytest.mark.parametrize("damping_by_zone", [False, True])
