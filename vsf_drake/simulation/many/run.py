@@ -89,7 +89,7 @@ def simulate_many(
                 if store is not None:
                     store.write(task, reply)
                 sweep.settle(task.key, reply)
-    return [sweep.found[i] for i in range(len(cases))]
+    return [sweep.outcomes[i] for i in range(len(cases))]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,7 +133,7 @@ class _Sweep:
 
     def __init__(self, cases: list[WalkCase], report: Report) -> None:
         self._cases, self._report = cases, report
-        self.found: dict[int, WalkOutcome] = {}
+        self.outcomes: dict[int, WalkOutcome] = {}
         self._members: dict[str, list[int]] = {}
         self._damage: dict[str, str] = {}
         self._refused, self._started = 0, time.monotonic()
@@ -166,11 +166,11 @@ class _Sweep:
         self._tell()
 
     def _tell(self) -> None:
-        cached = sum(outcome.from_cache for outcome in self.found.values())
+        cached = sum(outcome.from_cache for outcome in self.outcomes.values())
         self._report(SweepProgress(
-            total=len(self._cases), done=len(self.found), from_cache=cached,
-            failed=sum(not outcome.ok for outcome in self.found.values()),
-            simulated=len(self.found) - cached - self._refused, elapsed_s=time.monotonic() - self._started))
+            total=len(self._cases), done=len(self.outcomes), from_cache=cached,
+            failed=sum(not outcome.ok for outcome in self.outcomes.values()),
+            simulated=len(self.outcomes) - cached - self._refused, elapsed_s=time.monotonic() - self._started))
 
     def _place(self, members: list[int], reply: Reply, *, from_cache: bool = False) -> None:
         for array in reply.arrays.values():
@@ -178,7 +178,7 @@ class _Sweep:
         for i in members:
             case = self._cases[i]
             failure = None if reply.kind is Kind.DONE else f"{case.describe()}: {reply.text}"
-            self.found[i] = WalkOutcome(
+            self.outcomes[i] = WalkOutcome(
                 case=case, failure=failure, unconverged_steps=reply.unconverged_steps,
                 refined_steps=reply.refined_steps, wall_s=reply.wall_s, from_cache=from_cache, columns=reply.columns,
                 notes=reply.notes, _arrays=reply.arrays)
