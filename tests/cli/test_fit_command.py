@@ -20,6 +20,7 @@ from vsf_drake.report import fit_output
 DATA = resource("data/reference_subject")
 EXACT = DATA / "exact"
 TRIAL = EXACT / "medium_1.yaml"
+FEW = ("--quick", "--freeze", "*", "--free", "offset.height")
 
 
 @pytest.fixture
@@ -96,7 +97,7 @@ def test_a_simulation_that_fails_leaves_a_report_of_failure(run, tmp_path, monke
         raise error
 
     monkeypatch.setattr(fit_run, where, fails)
-    code, _, said = run("fit", TRIAL, "--out", tmp_path / "fit", "--quick")
+    code, _, said = run("fit", TRIAL, "--out", tmp_path / "fit", *FEW)
     assert code == 4 and str(error) in said
     table = left_by_a_failed_fit(tmp_path / "fit")
     assert str(error) in table["message"]
@@ -152,7 +153,7 @@ def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(run, quick_fit, 
         raise KeyboardInterrupt
 
     monkeypatch.setattr(fit_run.Checkpoint, "save", pressed)
-    code, _, error = run("fit", TRIAL, "--out", out, "--quick")
+    code, _, error = run("fit", TRIAL, "--out", out, *FEW)
     assert code == 130 and "begins again" in error
     assert [path.name for path in out.glob("[!.]*")] == ["fit.json"]
     assert not read_json(out / "fit.json")["success"]
@@ -162,7 +163,7 @@ def test_a_checkpoint_that_is_not_resumed_is_replaced_with_a_note(run, tmp_path,
     out = tmp_path / "fit"
     out.mkdir()
     (out / "checkpoint.json").write_text("{}")
-    code, said, _ = run("fit", TRIAL, "--out", out, "--quick")
+    code, said, _ = run("fit", TRIAL, "--out", out, *FEW)
     assert code == 0
     assert "--resume would have gone on from it" in " ".join(said.split())
     assert not (out / "checkpoint.json").exists()

@@ -84,6 +84,8 @@ def compare(result: Walked, plate: PlateRecording) -> Comparison:
     """
     grid = uniform_grid(result.time_s)
     step = float(grid[1] - grid[0])
+
+    # forces on the model's instants, where the plate has a record too
     heading = walking_direction(result)
     axes = walk_axes(heading)
     raw = resample(grid, result.time_s, result.grf_W @ axes.T)
@@ -94,6 +96,8 @@ def compare(result: Walked, plate: PlateRecording) -> Comparison:
         raise ValueError(f"the plate's record, {plate.time_s[0]:g} to {plate.time_s[-1]:g} s, does not overlap the "
                          f"simulation, {grid[0]:g} to {grid[-1]:g} s")
     time = grid[seen]
+
+    # each measured stance with the model's that overlaps it most, and both centres of pressure over its percents
     measured_stances = find_stances(plate.time_s, plate_force[:, 2], threshold_n=THRESHOLD_N)
     model_stances = find_stances(grid, raw[:, 2], threshold_n=THRESHOLD_N)
     stances = []

@@ -6,9 +6,9 @@ import dataclasses
 import math
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 import typer
@@ -27,6 +27,10 @@ from vsf_drake.cli.app import (
     say,
 )
 from vsf_drake.errors import InputError, SimulationError
+
+if TYPE_CHECKING:
+    from vsf_drake.motion.trial_record import Trial
+    from vsf_drake.simulation.variables import Variable
 
 SHIFT = "fulcrum.shift"
 MOST = 20_000  # walks that a sweep may have: their series are in memory at the end, some 70 kB each for 1.2 s
@@ -91,25 +95,25 @@ def sweep(
                 meant=yes)
     loaded, variables = _loaded(trials, contact, axes, positions, sampled=sample is not None)
     check_sweep_folder(out, loaded.values())
-    plan: dict[str, Any] = {"fulcrum_mm": positions or None, "step_ms": step_ms, "fit_offsets": fit_offsets,
-                            "contact": contact_hash(contact), "sample": None}
+    plan: dict[str, object] = {"fulcrum_mm": positions or None, "step_ms": step_ms, "fit_offsets": fit_offsets,
+                               "contact": contact_hash(contact), "sample": None}
     if sample is None:
-        plan["vary"] = {item.name: item.values for item in axes}
-        sets = grid_values(plan["vary"])
+        grid = {item.name: item.values for item in axes}
+        plan["vary"], sets = grid, grid_values(grid)
     else:
         bounded = {name: dataclasses.replace(variables[name], low=values[0], high=values[1]) if values
                    else variables[name] for name, values in axes}
         plan["sample"] = {"count": sample, "seed": seed, "bounds": {k: [v.low, v.high] for k, v in bounded.items()},
                           "method": "Latin hypercube, of the logarithm where the lower bound is above 0"}
         sets = sample_values(bounded, list(bounded), sample, seed)
-    plan["offsets"] = {name: trial.offsets for name, trial in loaded.items()}
+    plan["offsets"] = offsets = {name: trial.offsets for name, trial in loaded.items()}
     if fit_offsets:
         with progress() as show:
             for name, trial in loaded.items():
                 show(f"{name}: fitting the offsets", 0.0)
-                plan["offsets"][name] = offsets_of(trial).offsets
+                offsets[name] = offsets_of(trial).offsets
     cases = [WalkCase(trial=trial, values=values, fulcrum_m=None if mm is None else 1e-3 * mm,
-                      label="" if name == trial.name else name, offsets=plan["offsets"][name], step_s=1e-3 * step_ms)
+                      label="" if name == trial.name else name, offsets=offsets[name], step_s=1e-3 * step_ms)
              for name, trial in loaded.items() for mm in positions or (None,) for values in sets]
     varied = {item.name: variables[item.name] for item in axes}
     try:
@@ -128,7 +132,7 @@ def sweep(
 
 
 def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], positions: tuple[float, ...], *, sampled: bool
-            ) -> tuple[dict[str, Any], dict[str, Any]]:
+            ) -> tuple[dict[str, Trial], dict[str, Variable]]:
     """Trials by a name that is theirs alone, and the variables of the first; each can take what is asked for."""
     from vsf_drake.model_file import check_fulcrum
     from vsf_drake.simulation.variables import check_names, check_values
@@ -139,7 +143,7 @@ def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], position
             raise InputError("the trial stands twice", file=file)
     loaded = read_trials(trials, contact)
     names = [trial.name for trial in loaded]
-    variables: dict[str, Any] = {}
+    variables: dict[str, Variable] = {}
     for file, trial in zip(trials, loaded, strict=True):
         own = Walker(trial.subject, trial.model).variables
         try:
@@ -162,7 +166,8 @@ def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], position
             for name, file, trial in zip(names, trials, loaded, strict=True)}, variables
 
 
-def _within_reach(variables: dict[str, Any], trials: Sequence[Any], positions: Sequence[float]) -> dict[str, Any]:
+def _within_reach(variables: Mapping[str, Variable], trials: Sequence[Trial], positions: Sequence[float]
+                  ) -> dict[str, Variable]:
     """`variables` with bounds of `fulcrum.shift` that keep every carriage within its reach from each position (mm)."""
     places = [(trial.model.foot.fulcrum, at) for trial in trials
               for at in ([1e-3 * mm for mm in positions] or [trial.fulcrum_m])]

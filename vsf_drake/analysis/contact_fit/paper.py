@@ -192,8 +192,7 @@ def _score(fit: ContactFit, values: Mapping[str, float]) -> Score:
 
 
 def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
-    """The initial guess: its stiffness is raised in steps until the model's vertical force, taken over all measured
-    stances, is on average at least the plates'. A walk that fails does not carry."""
+    """The stiffness is raised until the model carries what the plates measured; a walk that fails does not carry."""
     def surplus_n(c: Comparison) -> float:
         rows = [c.within(stance.measured.start_s, stance.measured.end_s) for stance in c.stances]
         return sum(float(np.sum(c.model[own, 2] - c.measured[own, 2])) for own in rows)
@@ -248,7 +247,7 @@ class PaperSpace:
         """The values of a walk's variables (SI) at x (P,)."""
         values = dict(zip(self.names, map(float, x), strict=True))
         for name in self.names:
-            if name.endswith(".stiffness"):
+            if name.endswith(".stiffness"):  # N/mm^n to N/m^n
                 values[name] *= _MM_PER_M ** values[name.removesuffix("stiffness") + "exponent"]
             elif name.endswith(".damping"):
                 values[name] *= _MM_PER_M

@@ -301,6 +301,7 @@ class TrialMap:
             of_force, of_exponent, of_time = f"{own}force", f"{own}exponent", f"{own}damping_time"
             of_time = of_time if of_time in values else DAMPING_TIME
             force, n, time = values[of_force], values[of_exponent], values[of_time]
+            # F = k d^n at the reference depth d, and b = time dF/dd = time n F / d there
             k, b = force / REFERENCE_DEPTH_M**n, time * n * force / REFERENCE_DEPTH_M
             walk |= {f"{own}stiffness": k, of_exponent: n, f"{own}damping": b}
             depends(f"{own}stiffness", of_force, k / force)

@@ -191,11 +191,11 @@ def _gauss_newton(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bo
 def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str]:
     """SNOPT, IPOPT or NLopt on the mathematical program."""
     name, iterations = fit.joint.solver, fit.joint.iterations
-    ways: dict[str, tuple[SolverInterface, dict[str, Any]]] = {
+    solvers: dict[str, tuple[SolverInterface, dict[str, int | float | str]]] = {
         "snopt": (SnoptSolver(), {"Major iterations limit": iterations, "Major optimality tolerance": 1e-4}),
         "ipopt": (IpoptSolver(), {"max_iter": iterations, "tol": 1e-4, "hessian_approximation": "limited-memory"}),
         "nlopt": (NloptSolver(), {"algorithm": "GN_DIRECT_L", "max_eval": iterations})}
-    (solver, settings), options = ways[name], SolverOptions()
+    (solver, settings), options = solvers[name], SolverOptions()
     for setting, value in settings.items():
         options.SetOption(solver.solver_id(), setting, value)
     result = solved(solver, fit.program(tried.evaluate), start, options, tried)
