@@ -185,6 +185,9 @@ def test_prosthesis_turned_out_of_the_plane_is_refused(walker):
     mechanism = gait_mechanism(walker("right").gait, walker("right").context)
     with pytest.raises(InputError, match="no coordinate third_knee"):
         planar_tree(mechanism.tree, ("pelvis_tx", "third_knee"))
+    for sideways in ("hip_adduction_r", "hip_rotation_r", "pelvis_tz"):
+        with pytest.raises(InputError, match=f"{sideways} does not move in the sagittal plane"):
+            planar_tree(mechanism.tree, ("pelvis_tx", sideways))
 
 
 def test_what_a_person_at_rest_lacks_is_weight_less_ground(person):
