@@ -138,9 +138,9 @@ def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path,
     assert not (out / "replay.html").exists()
 
 
-def test_export_does_not_mix_with_a_bench_in_one_folder(run, tmp_path):
+def test_standing_does_not_mix_with_a_bench_in_one_folder(run, subject, tmp_path):
     assert run("bench", "--out", tmp_path / "out", "--no-heel", "--fulcrum-mm", "151")[0] == 0
-    code, _, err = run("export", "--out", tmp_path / "out")
+    code, _, err = run("stand", subject, "--out", tmp_path / "out")
     assert code == 2 and "holds the result of a bench" in err
 
 
