@@ -149,11 +149,11 @@ def reached(foot: FootParameters, fulcrums_m: Iterable[float]) -> list[float]:
 
 def walkers_of(trials: Iterable[Trial]) -> list[Walker]:
     """What walks each trial; those of one person on one device share it."""
-    found: list[Walker] = []
+    walkers: list[Walker] = []
     for trial in trials:
-        same = (one for one in found if (one.subject, one.model) == (trial.subject, trial.model))
-        found.append(next(same, None) or Walker(trial.subject, trial.model))
-    return found
+        same = (one for one in walkers if (one.subject, one.model) == (trial.subject, trial.model))
+        walkers.append(next(same, None) or Walker(trial.subject, trial.model))
+    return walkers
 
 
 def embedded_trials(tier: str = TIERS[0], *, quick: bool = False) -> tuple[Path, ...]:
