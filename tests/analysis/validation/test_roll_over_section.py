@@ -81,6 +81,9 @@ def test_dwelling_of_the_load_does_not_change_the_arc():
     same = np.column_stack([0.3 * np.sin(even), -0.3 * np.cos(even) ** 2])
     radius, wanted = (shape_numbers(points, heel_m=0.0, foot_length_m=0.245).radius_m for points in (shape, same))
     assert radius == pytest.approx(wanted, rel=1e-3)
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(same, axis=0), axis=1)))
+    whole = np.column_stack([np.interp(np.linspace(0.0, along[-1], 500), along, column) for column in same.T])
+    assert radius == pytest.approx(fit_arc(whole).radius_m, rel=2e-3)
 
 
 def test_effective_length_runs_from_the_heel_to_the_front_end():
