@@ -64,6 +64,26 @@ def test_an_equation_without_a_root_is_infeasible():
     assert solution.violation == pytest.approx(1.0, abs=0.1), "the least that x^2 + 1 can be"
 
 
+@pytest.mark.parametrize("s", [0.0, 0.5])
+def test_wrong_derivatives_stall_a_search(s):
+    """x is to be 1, which the derivative says is the other way; s = 2 x, which it tells rightly, holds in the end."""
+    grid = Grid("trapezoidal", 8, 1.0, periodic=True)
+
+    def outputs(z, p):
+        by = np.zeros((len(z), 2, 4))
+        by[:, 0, 0], by[:, 1] = -1.0, [-2.0, 0.0, 0.0, 1.0]
+        return np.stack([z[:, 0] - 1.0, z[:, 3] - 2.0 * z[:, 0]], axis=1), by, np.zeros((len(z), 2, 0))
+
+    problem = TrajectoryProblem(Outputs(outputs), Layout(("x",), (), ("s",)), grid, outputs=2, equations=[1],
+                                residuals=[Residuals(outputs=[0])])
+    z = np.zeros((grid.instants, 4))
+    z[:, 3] = s
+    solution = solve(problem, Start(z))
+    assert solution.status == "stalled" and "no step lowers the merit" in solution.message
+    assert np.abs(solution.last.z[:, problem.layout.q]).max() < 0.5
+    assert solution.violation == pytest.approx(0.0, abs=1e-8)
+
+
 def test_too_few_iterations_and_too_little_time_are_no_optimum():
     problem, start, _ = pendulum(intervals=8)
     solution = solve(problem, start, CollocationOptions(iterations=1))
