@@ -7,13 +7,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
+    FixedOffsetFrame,
     JacobianWrtVariable,
     MultibodyForces,
+    PrismaticJoint,
+    RevoluteJoint,
     SpatialInertia,
     UnitInertia,
+    WeldJoint,
 )
 
 from vsf_drake.parameters import FootParameters
@@ -32,7 +37,7 @@ from vsf_drake.simulation.stepping.tree import (
 
 TOLERANCE = 1e-12
 STATES = 6
-PLANTS = ("right", "left", "shifted foot", "other masses", "bench")
+PLANTS = ("right", "left", "shifted foot", "other masses", "bench", "askew")
 
 
 def other_masses(plant, context, rng):
@@ -43,6 +48,27 @@ def other_masses(plant, context, rng):
             p = rng.uniform(-0.1, 0.1, 3)
             G = UnitInertia.SolidBox(*rng.uniform(0.05, 0.4, 3)).ShiftFromCenterOfMass(p)
             body.SetSpatialInertiaInBodyFrame(context, SpatialInertia(rng.uniform(0.1, 20.0), p, G))
+
+
+def askew(rng):
+    """A tree of ten bodies on joints of every kind, whose frames and axes lie anyhow; our own lie mostly in a plane."""
+    plant, bodies = MultibodyPlant(0.0), []
+
+    def frame(body):
+        X = RigidTransform(RollPitchYaw(*rng.uniform(-1.5, 1.5, 3)), rng.uniform(-0.5, 0.5, 3))
+        return plant.AddFrame(FixedOffsetFrame(f"frame{plant.num_frames()}", body, X))
+
+    for i in range(10):
+        p = rng.uniform(-0.1, 0.1, 3)
+        G = UnitInertia.SolidBox(*rng.uniform(0.05, 0.4, 3)).ShiftFromCenterOfMass(p)
+        body = plant.AddRigidBody(f"body{i}", SpatialInertia(rng.uniform(0.1, 20.0), p, G))
+        parent = plant.world_body() if i == 0 else bodies[rng.integers(i)]
+        joint, axis = (RevoluteJoint, PrismaticJoint, WeldJoint)[i % 3], rng.normal(size=3)
+        plant.AddJoint(joint(f"joint{i}", frame(parent), frame(body),
+                             RigidTransform() if joint is WeldJoint else axis / np.linalg.norm(axis)))
+        bodies.append(body)
+    plant.Finalize()
+    return plant
 
 
 class Case:
@@ -79,8 +105,8 @@ class Case:
 def case(request, walker):
     name, seed = request.param
     rng = np.random.default_rng(seed)
-    if name == "bench":
-        plant = make_bench(FootParameters()).plant
+    if name in ("bench", "askew"):
+        plant = make_bench(FootParameters()).plant if name == "bench" else askew(rng)
         return Case(plant, plant.CreateDefaultContext(), rng)
     gait = walker("left" if name == "left" else "right").gait
     context = gait.plant.CreateDefaultContext()
