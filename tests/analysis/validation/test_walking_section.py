@@ -191,7 +191,9 @@ def test_regions_are_where_the_t_of_each_point_exceeds_the_threshold():
 
 
 def test_without_spm1d_pointwise_bands_find_it_and_the_table_says_so(without_spm):
-    table, arrays = differing_regions(made_ensemble(9, step=1.0), seed=(0,))
+    ensemble = made_ensemble(9, step=1.0)
+    table, arrays = differing_regions(ensemble, seed=(0,))
+    assert arrays["t"] == pytest.approx(ttest_rel(ensemble.model, ensemble.measured).statistic, rel=1e-9)
     assert table.method == BOOTSTRAP
     assert "spm1d" in table.why
     assert table.threshold is None
