@@ -87,21 +87,24 @@ def test_ends_of_pieces_lie_on_straight_lines_between_the_grid_points():
 
 
 def pieces_of(mechanism, inputs, q0, v0):
-    """Ends (s) of all pieces of a run, and how many each step has, by the compiled step and a loop of its own."""
+    """Ends (s) of all pieces of a run, how many each step has, and its iterations with those that were taken back, by
+    the compiled step and a loop of its own."""
     stepper, forces, drive = Stepper(mechanism), mechanism.forces, drive_of(inputs)
     split = split_coordinates(mechanism.tree, forces, inputs.prescribed)
     room = step_room(mechanism.tree, forces, split)
     out = np.zeros(len(q0)), np.zeros((len(mechanism.sites), 9)), np.zeros(3)
     none, nothing = np.empty((0, 0)), np.empty(0)
     q, v, q_next, ends, counts = q0.copy(), v0.copy(), np.zeros(len(inputs.prescribed)), [], []
+    spent = np.zeros(len(inputs.time_s) - 1)
     for k in range(len(inputs.time_s) - 1):
         begun = len(ends)
 
         def tried(done, size, k=k):
             h, fulcrum, ground, rate = piece(drive, k, done, size, q_next)
             before = q.copy(), v.copy()
-            _, converged = step(h, stepper.tree, forces, split, room, ground, rate, fulcrum, q_next, none,
-                                nothing, q, v, *out)
+            iterations, converged = step(h, stepper.tree, forces, split, room, ground, rate, fulcrum, q_next, none,
+                                         nothing, q, v, *out)
+            spent[k] += iterations
             if not converged and size > 1:
                 q[:], v[:] = before
             else:
@@ -111,7 +114,7 @@ def pieces_of(mechanism, inputs, q0, v0):
 
         cut(tried)
         counts.append(len(ends) - begun)
-    return np.array(ends), np.array(counts)
+    return np.array(ends), np.array(counts), spent
 
 
 @pytest.mark.parametrize("name", ["landing", "catching"])
@@ -121,8 +124,9 @@ def test_run_whose_steps_are_cut_is_a_run_on_the_grid_of_its_pieces(name):
     walk = walked(name)
     setting, _, _ = SETTINGS[name]
     inputs, record = inputs_of(walk, hard_walker(setting)[0]), walk.record
-    ends, counts = pieces_of(walk.mechanism, inputs, record.q0, record.v0)
+    ends, counts, spent = pieces_of(walk.mechanism, inputs, record.q0, record.v0)
     np.testing.assert_array_equal(counts, record.parts)
+    np.testing.assert_array_equal(spent, record.iterations)
     assert record.parts.max() > 1 and record.converged.all()
     grid = np.concatenate([inputs.time_s[:1], ends])
     q = np.column_stack([np.interp(grid, inputs.time_s, column) for column in inputs.prescribed_q.T])
