@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsf_drake.analysis.comparison import filtered_while_loaded
+from vsf_drake.analysis.comparison import filtered_while_loaded, uniform_grid
 
 
 def path_of(time: np.ndarray) -> np.ndarray:
@@ -25,3 +25,17 @@ def test_clock_that_is_off_by_rounding_gives_the_same_path():
         clock = written + off * (written > 0.0)  # the first sample stands, so that no even grid follows
         assert np.nanmax(np.abs(path_of(clock) - exact)) < 1e-6
         assert (np.isfinite(path_of(clock)) == np.isfinite(exact)).all()
+
+
+def test_path_reaches_from_the_first_loaded_sample_to_the_last_and_a_straight_one_stays_straight():
+    """Between two contacts, and in one that is too short to be filtered, there is none."""
+    time = np.arange(1500) / 1000.0
+    contacts, blip = ((0.2, 0.6), (0.8, 1.3)), (1.4, 1.404)
+    loaded = np.any([(time > start - 5e-4) & (time < end + 5e-4) for start, end in (*contacts, blip)], axis=0)
+    vertical, cop = 800.0 * loaded, np.where(loaded, 0.3 * time, np.nan)[:, np.newaxis]
+    path = filtered_while_loaded(cop, time, vertical, cop, uniform_grid(time))[:, 0]
+    inside = loaded & (time < 1.35)
+    np.testing.assert_array_equal(np.isfinite(path), inside)
+    np.testing.assert_allclose(path[inside], 0.3 * time[inside], atol=5e-3)
+    middle = (time > 0.9) & (time < 1.2)
+    np.testing.assert_allclose(path[middle], 0.3 * time[middle], atol=1e-5)

@@ -155,6 +155,7 @@ def test_stance_that_the_kinematics_cut_is_scored_where_it_overlaps():
     seen = (LIFT_S - 0.85) / (LIFT_S - STRIKE_S)
     assert m.cop_points == pytest.approx(101 * seen, abs=3)
     assert m.vertical_impulse_error == pytest.approx(0.1, rel=1e-2)
+    assert m.stances[0].scored_s == pytest.approx(tuple(walk.time_s[[0, -1]]), abs=1e-9)
     assert m.coverage == pytest.approx((1.5 - 0.85) / (LIFT_S - STRIKE_S + 0.5), abs=0.01)
 
 
