@@ -175,3 +175,13 @@ def test_readme_starts_with_install_and_test_commands():
     blocks = re.findall(r"^```bash\n(.*?)^```$", readme, flags=re.MULTILINE | re.DOTALL)
     assert blocks[0].splitlines()[-1] == "vsf-drake validate --out results"
     assert blocks[1].splitlines()[-2:] == ["pip install '.[test]'", "pytest"]
+
+
+def test_the_page_on_the_architecture_names_every_part_and_nothing_else():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([\w./]+)`", page))
+    lacking = {layer(path) for path in FILES if layer(path)} - named
+    assert not lacking, f"docs/architecture.md does not name {', '.join(sorted(lacking))}"
+    for name in named:
+        if name.endswith(".py") and "/" in name:
+            assert (PACKAGE / name).is_file() or (ROOT / name).is_file(), f"docs/architecture.md: there is no {name}"
