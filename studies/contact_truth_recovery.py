@@ -35,7 +35,7 @@ from vsf_drake.files import sha256, write_json
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.simulation.many.cases import digest
+from vsf_drake.simulation.batch.cases import digest
 from vsf_drake.simulation.walk import Walker
 
 PARTS = Path("results/contact_truth_recovery")

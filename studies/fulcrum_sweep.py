@@ -24,7 +24,7 @@ from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.report import style as look
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.many import WalkCase, simulate_many
+from vsf_drake.simulation.batch import WalkCase, simulate_batch
 
 FIRST_MM, LAST_MM = 66.0, 151.0
 
@@ -44,7 +44,7 @@ def main() -> None:
         other = embedded["low_1"]
     offsets = trial.offsets if other is None else fit_offsets(load_trial(other)).offsets
     positions_m = 1e-3 * np.round(np.linspace(FIRST_MM, LAST_MM, 6 if arguments.quick else 21), 3)
-    outcomes = simulate_many([WalkCase(trial=trial, fulcrum_m=float(f), offsets=offsets) for f in positions_m],
+    outcomes = simulate_batch([WalkCase(trial=trial, fulcrum_m=float(f), offsets=offsets) for f in positions_m],
                              workers=1 if arguments.quick and arguments.workers is None else arguments.workers,
                              cache=arguments.out / "walks", progress=True)
     rows: list[dict[str, Any]] = []

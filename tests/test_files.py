@@ -26,7 +26,7 @@ from vsf_drake.files import ALWAYS_BYTES, flat, plain, read_json, read_npz, reco
 from vsf_drake.report.fit_output import FIT
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.simulation.archive import read_archive
-from vsf_drake.simulation.many.run import WalkCache
+from vsf_drake.simulation.batch.run import WalkCache
 
 
 def test_file_appears_whole(tmp_path):

@@ -82,7 +82,7 @@ def test_walk_of_joint_angles(shared_data, tmp_path, side):
 def test_walk_of_markers(shared_data, tmp_path, name, side):
     trial, metrics, result = simulated(tmp_path, shared_data, name, side)
     assert [(contact.plate, contact.side) for contact in trial.contacts] == CONTACTS[name]
-    assert all(contact.doubt is None and contact.distance_m < 0.04 for contact in trial.contacts)
+    assert all(contact.warning is None and contact.distance_m < 0.04 for contact in trial.contacts)
     assert all(end <= trial.start_s + 1e-9 or start >= trial.end_s - 1e-9 for start, end in trial.unmeasured[side])
     assert_events_agree(trial)
     assert_believable(metrics)

@@ -289,7 +289,7 @@ class BenchMeasurement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Setting:
+class _SettingCurves:
     """The forefoot at one position of the fulcrum."""
 
     fulcrum_mm: float = quantity(unit="mm", low=10.0, high=1000.0, source="set on the device, from the keel's end A")
@@ -303,7 +303,7 @@ class _BenchFile:
 
     name: str
     synthetic: bool = False
-    forefoot: tuple[_Setting, ...]
+    forefoot: tuple[_SettingCurves, ...]
     heel_stiffness_n_per_mm: float | None = quantity(None, unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured")
     stiffness_uncertainty_n_per_mm: float = quantity(unit="N/mm", low=1e-4, high=_HIGHEST, source="stated")
     max_load_n: float = quantity(unit="N", low=0.0, high=1e5, source="measured")

@@ -116,7 +116,7 @@ def save_contact(contact: FittedContact, path: str | Path) -> None:
     title = "Contact fitted" if contact.converged else "NOT TO BE USED: the search ended before its end. Contact fitted"
     lines = [f"# {title} by vsf_drake; see vsf_drake/contact_file.py for what the keys mean. SI units, radians.\n"]
     for key, value in to_plain(contact).items():
-        text = yaml.dump({key: value}, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=math.inf)
+        text = yaml.dump({key: value}, Dumper=_ContactDumper, sort_keys=False, allow_unicode=True, width=math.inf)
         lines += [_commented(key, line) for line in text.splitlines(keepends=True)]
     write_text(path, "".join(lines))
 
@@ -177,21 +177,21 @@ def variable_unit(name: str, *, file: str | Path | None = None, where: str | Non
               "offset.height | fore_aft | alignment, coordinate.NAME")
 
 
-class _Dumper(Dumper):
+class _ContactDumper(Dumper):
     """Lists of numbers on one line, and texts with line breaks too, so that every line is one key."""
 
 
-def _list(dumper: _Dumper, values: list[Any]) -> yaml.Node:
+def _list(dumper: _ContactDumper, values: list[Any]) -> yaml.Node:
     flow = bool(values) and all(isinstance(value, float) for value in values)
     return dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=flow)
 
 
-def _text(dumper: _Dumper, value: str) -> yaml.Node:
+def _text(dumper: _ContactDumper, value: str) -> yaml.Node:
     return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=None if value.splitlines() == [value] else '"')
 
 
-_Dumper.add_representer(list, _list)
-_Dumper.add_representer(str, _text)
+_ContactDumper.add_representer(list, _list)
+_ContactDumper.add_representer(str, _text)
 
 
 def _commented(section: str, line: str) -> str:

@@ -346,7 +346,7 @@ def _sound(value: Any) -> bool:
 MOST_NPZ_BYTES = 2**31  # of all arrays of a file together; a walk of ten minutes has 1.3e9
 ALWAYS_BYTES, LARGEST_RATIO = 2**27, 8
 """What any file may hold, and how many times its own size beyond that; walks are compressed to 0.6 of theirs."""
-_DIRECTORY_BYTES, _PIECE = 2**20, 2**20  # of the list of arrays; of what is read at once
+_DIRECTORY_BYTES, _CHUNK = 2**20, 2**20  # of the list of arrays; of what is read at once
 _END = struct.Struct("<4s4xHHLL2x")
 _HEADER = re.compile(
     rb"\{'descr': '([<|](?:b1|[iu][1248]|f[248]|U[1-9]\d{0,4}))', 'fortran_order': (True|False), "
@@ -418,9 +418,9 @@ def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
             raise ValueError(f"its shape {shape} does not fit its size")
         array = np.empty(shape, kind, order)  # type: ignore[call-overload] # orders as plain text
         content, at = array.reshape(-1, order="A").view(np.uint8), 0
-        while piece := stream.read(_PIECE):
-            content[at : at + len(piece)] = np.frombuffer(piece, np.uint8)
-            at += len(piece)
+        while chunk := stream.read(_CHUNK):
+            content[at : at + len(chunk)] = np.frombuffer(chunk, np.uint8)
+            at += len(chunk)
         if at != len(content):
             raise ValueError("it is truncated")
         if kind.kind == "U" and UNPRINTABLE.search(array.tobytes().decode("utf-32-le").replace("\0", "")):

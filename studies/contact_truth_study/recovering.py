@@ -11,7 +11,7 @@ import numpy as np
 
 from contact_truth_study.making import Made, assuming
 from vsf_drake.analysis.contact_fit.solution import ALIKE
-from vsf_drake.analysis.contact_fit.solve import NORMAL_95, Search, prior_samples, search, uncertainty
+from vsf_drake.analysis.contact_fit.solve import NORMAL_95, FitSearch, prior_samples, search, uncertainty
 from vsf_drake.analysis.metrics import walk_metrics
 
 WITHIN = 2.0
@@ -47,22 +47,22 @@ def recover(made: Made, *, starts: int, seed: int, direct: bool = True) -> dict[
     return told | {"wall_s": time.perf_counter() - began}
 
 
-def through(problems: Sequence[Made], start: np.ndarray) -> list[Search]:
+def through(problems: Sequence[Made], start: np.ndarray) -> list[FitSearch]:
     """A search of each problem, each from where the last one ended."""
-    found: list[Search] = []
+    found: list[FitSearch] = []
     for problem in problems:
         found.append(search(problem.fit, found[-1].u if found else start))
     return found
 
 
-def told_of(made: Made, searches: Sequence[Search]) -> dict[str, Any]:
+def told_of(made: Made, searches: Sequence[FitSearch]) -> dict[str, Any]:
     """All searches of one problem, and which ended lowest."""
     costs = [s.cost for s in searches]
     return {"searches": [row(made, s) for s in searches], "best": int(np.argmin(costs)),
             "alike": int(np.sum(np.array(costs) <= min(costs) + ALIKE))}
 
 
-def row(made: Made, found: Search) -> dict[str, Any]:
+def row(made: Made, found: FitSearch) -> dict[str, Any]:
     """One search: what it is off the truth in standard errors, and in force."""
     fit = made.fit
     told = uncertainty(fit.parameters, found.u, fit.evaluate(found.u).terms, fit.options.noise)

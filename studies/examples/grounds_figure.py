@@ -43,7 +43,7 @@ def draw(runs: dict[str, ReferenceWalk], grounds: dict[str, Ground], trial: Tria
             foot.set(xlim=(0.44, 0.78), ylim=(-0.03, 0.15))
             label(person, x="", y="z in W (m)" if first else "", title=name)
             label(foot, x="x in W (m)", y="z in W (m)" if first else "")
-        _draw_courses(below.subplots(1, 4), runs, colours, trial, weight)
+        _draw_paths(below.subplots(1, 4), runs, colours, trial, weight)
         figure.suptitle("The same prescribed motion on five grounds (synthetic recording); prosthesis dark, "
                         "force on both feet", fontsize=10)
     return figure
@@ -112,7 +112,7 @@ def _arrow(axes: Any, force: np.ndarray, cop: np.ndarray, scale: float, colour: 
             "arrowstyle": "-|>", "color": colour, "alpha": fade, "lw": 1.3, "shrinkA": 0, "shrinkB": 0})
 
 
-def _draw_courses(panels: Any, runs: dict[str, ReferenceWalk], colours: dict[str, Any], trial: Trial,
+def _draw_paths(panels: Any, runs: dict[str, ReferenceWalk], colours: dict[str, Any], trial: Trial,
                   body_weight_n: float) -> None:
     time = next(iter(runs.values())).time_s
     own = trial.subject.prosthetic_side

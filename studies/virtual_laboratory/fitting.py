@@ -15,7 +15,7 @@ from virtual_laboratory.motion import COORDINATES, DEGREE, Splines
 BAND = DEGREE + 1
 
 
-class Wishes:
+class Targets:
     """Normal equations of weighted wishes about a change of the coefficients."""
 
     def __init__(self, splines: Splines) -> None:

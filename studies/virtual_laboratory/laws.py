@@ -23,9 +23,9 @@ def foam(depth: float, stiffness: float, dense_depth: float) -> tuple[float, flo
     if depth <= 0.0:
         return 0.0, 0.0
     u = min(depth / dense_depth, DENSE_FROM)
-    room = 1.0 - u * u
-    slope = stiffness * (1.0 + u * u) / room**2
-    return stiffness * u * dense_depth / room + slope * (depth - u * dense_depth), slope
+    workspace = 1.0 - u * u
+    slope = stiffness * (1.0 + u * u) / workspace**2
+    return stiffness * u * dense_depth / workspace + slope * (depth - u * dense_depth), slope
 
 
 @numba.njit(cache=True)

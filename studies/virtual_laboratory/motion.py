@@ -54,9 +54,9 @@ class Linearised:
     def point(self, segment: int, p_B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A point fixed in a segment, p_B (N, 3) or (3,) m: where it is (N, 3) m in W, and its (N, 3, 21) Jacobian."""
         lever = np.einsum("nij,nj->ni", self.R_WB[:, segment], np.broadcast_to(p_B, self.p_WB[:, segment].shape))
-        return self.p_WB[:, segment] + lever, self.carried(segment, lever)
+        return self.p_WB[:, segment] + lever, self.forward(segment, lever)
 
-    def carried(self, segment: int, lever_W: np.ndarray) -> np.ndarray:
+    def forward(self, segment: int, lever_W: np.ndarray) -> np.ndarray:
         """(N, 3, 21) Jacobian of the segment's material point at `lever_W` (N, 3) m from its origin."""
         turn, shift = self.J_WB[:, segment, :3], self.J_WB[:, segment, 3:]
         return shift + np.cross(turn, lever_W[:, :, None], axisa=1, axisb=1, axisc=1)

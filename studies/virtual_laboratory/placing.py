@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_laboratory.fitting import Wishes
+from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import COORDINATES, DEVICE, INTACT_FOOT, Linearised, Person, Splines, make_splines
 from virtual_laboratory.supports import Support, anchor, device_supports, intact_supports
 from virtual_laboratory.targets import Draw, intact_force, prosthetic_force
@@ -88,11 +88,11 @@ def place(person: Person, attempt: Attempt) -> tuple[list[Support], list[Support
     _shift(person, attempt, device)
     for _ in range(PLACING):
         body = person.linearise(attempt.q)
-        wishes = common_wishes(person, attempt, body, other)
+        targets = common_targets(person, attempt, body, other)
         for support in device:
-            anchor(wishes, body, support, SUPPORT_M)
-        level(wishes, body, DEVICE, prosthetic[:, 2], -np.radians(draw.toe_out_deg), ROLL_RAD)
-        attempt.c += wishes.solve()
+            anchor(targets, body, support, SUPPORT_M)
+        level(targets, body, DEVICE, prosthetic[:, 2], -np.radians(draw.toe_out_deg), ROLL_RAD)
+        attempt.c += targets.solve()
     return device, other
 
 
@@ -109,35 +109,35 @@ def _shift(person: Person, attempt: Attempt, device: list[Support]) -> None:
     attempt.base[:, :3] += [forward, up, -left]
 
 
-def common_wishes(person: Person, attempt: Attempt, body: Linearised, intact: list[Support]) -> Wishes:
+def common_targets(person: Person, attempt: Attempt, body: Linearised, intact: list[Support]) -> Targets:
     """What both stages ask: near the published curves, smooth, dynamics, intact foot on the floor, toes up in swing."""
     draw, time = attempt.draw, attempt.time_s
-    wishes, sigma = Wishes(attempt.splines), standard_deviations()
+    targets, sigma = Targets(attempt.splines), standard_deviations()
     correction = attempt.splines.values @ attempt.c.T
     correction[:, :3] -= correction[:, :3].mean(axis=0)
-    wishes.coordinates(-correction, sigma)
-    wishes.smooth(attempt.c, ROUGHNESS_PER_S3 * sigma)
+    targets.coordinates(-correction, sigma)
+    targets.smooth(attempt.c, ROUGHNESS_PER_S3 * sigma)
     for support in intact:
-        anchor(wishes, body, support, INTACT_SUPPORT_M)
-    _bear(wishes, person, body, person.subject.mass_kg * GRAVITY * intact_force(draw, time)[:, 2])
-    level(wishes, body, INTACT_FOOT, intact_force(draw, time)[:, 2], np.radians(draw.toe_out_deg), 3.0 * ROLL_RAD)
+        anchor(targets, body, support, INTACT_SUPPORT_M)
+    _bear(targets, person, body, person.subject.mass_kg * GRAVITY * intact_force(draw, time)[:, 2])
+    level(targets, body, INTACT_FOOT, intact_force(draw, time)[:, 2], np.radians(draw.toe_out_deg), 3.0 * ROLL_RAD)
     total = prosthetic_force(draw, time) + intact_force(draw, time)
     wanted = GRAVITY * (total - [0.0, 0.0, 1.0])
     step = time[1] - time[0]
     present = np.zeros_like(wanted)
     present[1:-1] = (body.com_W[2:] - 2.0 * body.com_W[1:-1] + body.com_W[:-2]) / step**2
     alone = (time > draw.intact_lift_s - EARLY_S) & (time < draw.intact_strike_s + EARLY_S)
-    wishes.acceleration(body.J_com, wanted - present, np.where(alone, ACCELERATION_ALONE, ACCELERATION))
+    targets.acceleration(body.J_com, wanted - present, np.where(alone, ACCELERATION_ALONE, ACCELERATION))
     stride = draw.stride_s
     device = [np.array([x, 0.0, person.sole_height]) for x in (0.01, 0.12, person.model.foot.length_m - 0.01)]
-    _clear(wishes, body, DEVICE, device, time, lifts=(draw.stance_s - stride, draw.stance_s), strikes=(0.0, stride))
+    _clear(targets, body, DEVICE, device, time, lifts=(draw.stance_s - stride, draw.stance_s), strikes=(0.0, stride))
     length, ankle = person.handles.body.foot_length, person.handles.body.ankle_height
     intact_foot = [np.array([(r - person.model.intact_foot.ankle_x_ratio) * length, 0.0, -ankle]) for r in (0.1, 0.8)]
-    _clear(wishes, body, INTACT_FOOT, intact_foot, time, lifts=(draw.intact_lift_s,), strikes=(draw.intact_strike_s,))
-    return wishes
+    _clear(targets, body, INTACT_FOOT, intact_foot, time, lifts=(draw.intact_lift_s,), strikes=(draw.intact_strike_s,))
+    return targets
 
 
-def _bear(wishes: Wishes, person: Person, body: Linearised, load_n: np.ndarray) -> None:
+def _bear(targets: Targets, person: Person, body: Linearised, load_n: np.ndarray) -> None:
     """Asks that the intact foot's spheres, as springs, be pressed into the floor by what the foot shall carry."""
     sites = person.handles.intact_sites
     force, J = np.zeros(len(load_n)), np.zeros((len(load_n), len(COORDINATES)))
@@ -147,19 +147,19 @@ def _bear(wishes: Wishes, person: Person, body: Linearised, load_n: np.ndarray) 
         force += stiffness * depth
         J -= stiffness * (depth > 0.0)[:, None] * J_W[:, 2]
     width = np.where(load_n > 0.0, INTACT_N, np.inf)
-    wishes.pose(J[:, None], (load_n - force)[:, None], width[:, None])
+    targets.pose(J[:, None], (load_n - force)[:, None], width[:, None])
 
 
-def level(wishes: Wishes, body: Linearised, segment: int, load_bw: np.ndarray, turn_rad: float,
+def level(targets: Targets, body: Linearised, segment: int, load_bw: np.ndarray, turn_rad: float,
            sigma: float) -> None:
     """Asks that a loaded foot's transverse axis lies level, the foot turned by `turn_rad` about the vertical."""
     lateral = body.R_WB[:, segment, :, 1]
     J = np.cross(body.J_WB[:, segment, :3], lateral[:, :, None], axisa=1, axisb=1, axisc=1)[:, [0, 2]]
     width = np.where(load_bw > 0.03, sigma, np.inf)
-    wishes.pose(J, np.array([-np.sin(turn_rad), 0.0]) - lateral[:, [0, 2]], width[:, None])
+    targets.pose(J, np.array([-np.sin(turn_rad), 0.0]) - lateral[:, [0, 2]], width[:, None])
 
 
-def _clear(wishes: Wishes, body: Linearised, segment: int, sole: list[np.ndarray], time_s: np.ndarray, *,
+def _clear(targets: Targets, body: Linearised, segment: int, sole: list[np.ndarray], time_s: np.ndarray, *,
            lifts: tuple[float, ...], strikes: tuple[float, ...]) -> None:
     """Asks for LIFT_M under the points `sole` of a foot between its lift-offs and its next strikes.
 
@@ -172,4 +172,4 @@ def _clear(wishes: Wishes, body: Linearised, segment: int, sole: list[np.ndarray
         p_W, J = body.point(segment, p_B)
         low = LIFT_M - p_W[:, 2]
         width = np.where(swing & (low > -HELD_M), CLEARANCE_M, np.inf)
-        wishes.pose(J[:, 2:], np.maximum(low, 0.0)[:, None], width[:, None])
+        targets.pose(J[:, 2:], np.maximum(low, 0.0)[:, None], width[:, None])

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from virtual_laboratory.fitting import Wishes
+from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import COORDINATES, DEVICE, SHANK, Linearised, Person
-from virtual_laboratory.placing import RATE_HZ, ROLL_RAD, Attempt, common_wishes, level
+from virtual_laboratory.placing import RATE_HZ, ROLL_RAD, Attempt, common_targets, level
 from virtual_laboratory.prosthesis import Prosthesis
 from virtual_laboratory.reaction import Reaction
 from virtual_laboratory.supports import Support, device_supports
@@ -44,7 +44,7 @@ Moved = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
-class Carried:
+class ForwardSensitivity:
     """What the virtual prosthesis carries at the instants of the kinematics: force (N, 3) N, cop (N, 2) m (or NaN)."""
 
     force: np.ndarray
@@ -64,36 +64,36 @@ def walk(person: Person, prosthesis: Prosthesis, time_s: np.ndarray, q: np.ndarr
     return prosthesis.walk(instants, *((R, p) if moved is None else moved(R, p)))
 
 
-def carried(person: Person, prosthesis: Prosthesis, attempt: Attempt,
-            moved: Moved | None = None) -> Carried:
+def forward(person: Person, prosthesis: Prosthesis, attempt: Attempt,
+            moved: Moved | None = None) -> ForwardSensitivity:
     """One walk at 1 kHz, seen at the instants of the kinematics."""
     every = FORCE_HZ // RATE_HZ
     instants = attempt.time_s[0] + np.arange((len(attempt.time_s) - 1) * every + 1) / FORCE_HZ
     reaction = walk(person, prosthesis, attempt.time_s, attempt.q, instants, moved)
-    return Carried(reaction.force[::every], reaction.cop[::every, :2])
+    return ForwardSensitivity(reaction.force[::every], reaction.cop[::every, :2])
 
 
 def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, device: list[Support],
            intact: list[Support], steps: int) -> None:
     """Brings the force on the virtual prosthesis to the wished one."""
     weight = person.subject.mass_kg * GRAVITY
-    wished = weight * prosthetic_force(attempt.draw, attempt.time_s)
+    targeted = weight * prosthetic_force(attempt.draw, attempt.time_s)
     span = np.array([0.0, attempt.draw.stance_s])
-    spot = wished_centre(person, attempt.draw, attempt.time_s)
+    spot = target_centre(person, attempt.draw, attempt.time_s)
     for k in range(steps):
-        now = carried(person, prosthesis, attempt)
+        now = forward(person, prosthesis, attempt)
         if k in RETIMED:
             span += np.clip([0.0, attempt.draw.stance_s] - _loaded_span(attempt.time_s, now.force[:, 2]), -0.01, 0.01)
             part = (attempt.time_s - span[0]) / (span[1] - span[0])
-            wished = weight * prosthetic_force(attempt.draw, attempt.draw.stance_s * part)
+            targeted = weight * prosthetic_force(attempt.draw, attempt.draw.stance_s * part)
         if k % STIFFNESS_EVERY == 0:
             K = _stiffness(person, prosthesis, attempt, now, spot)
         body = person.linearise(attempt.q)
-        wishes = common_wishes(person, attempt, body, intact)
-        _carry(wishes, body, now, wished, spot, K)
-        level(wishes, body, DEVICE, wished[:, 2] / weight, -np.radians(attempt.draw.toe_out_deg), 2.0 * ROLL_RAD)
-        _strike(wishes, body, device[0], attempt.time_s)
-        attempt.c += wishes.solve()
+        targets = common_targets(person, attempt, body, intact)
+        _carry(targets, body, now, targeted, spot, K)
+        level(targets, body, DEVICE, targeted[:, 2] / weight, -np.radians(attempt.draw.toe_out_deg), 2.0 * ROLL_RAD)
+        _strike(targets, body, device[0], attempt.time_s)
+        attempt.c += targets.solve()
 
 
 def _loaded_span(time_s: np.ndarray, vertical_n: np.ndarray) -> np.ndarray:
@@ -102,26 +102,28 @@ def _loaded_span(time_s: np.ndarray, vertical_n: np.ndarray) -> np.ndarray:
     return np.array([longest.start_s, longest.end_s])
 
 
-def _strike(wishes: Wishes, body: Linearised, heel: Support, time_s: np.ndarray) -> None:
+def _strike(targets: Targets, body: Linearised, heel: Support, time_s: np.ndarray) -> None:
     """Asks that the foot comes down in its place: shear counts from where it does."""
     p_W, J = body.point(heel.segment, heel.p_B)
     width = np.where(np.abs(time_s) < STRIKE_S, STRIKE_M, np.inf)
-    wishes.pose(J[:, :2], (heel.p_W - p_W)[:, :2], width[:, None])
+    targets.pose(J[:, :2], (heel.p_W - p_W)[:, :2], width[:, None])
 
 
-def wished_centre(person: Person, draw: Draw, time_s: np.ndarray) -> np.ndarray:
+def target_centre(person: Person, draw: Draw, time_s: np.ndarray) -> np.ndarray:
     """(N, 2) m, wished centre of pressure on the floor."""
     heel, toe = (support.p_W[:2] for support in device_supports(person, draw, np.zeros(len(time_s)), time_s))
     return heel + np.outer(roll_over(time_s / draw.stance_s, draw.roll_over), toe - heel)
 
 
-def _moment(now: Carried, spot: np.ndarray) -> np.ndarray:
+def _moment(now: ForwardSensitivity, spot: np.ndarray) -> np.ndarray:
     """(N, 2) N m about W's x and y through `spot` (N, 2) m: zero where the centre of pressure lies there."""
     arm = np.where(np.isfinite(now.cop), now.cop - spot, 0.0)
     return np.column_stack([arm[:, 1], -arm[:, 0]]) * now.force[:, 2:]
 
 
-def _stiffness(person: Person, prosthesis: Prosthesis, attempt: Attempt, now: Carried, spot: np.ndarray) -> np.ndarray:
+def _stiffness(
+    person: Person, prosthesis: Prosthesis, attempt: Attempt, now: ForwardSensitivity, spot: np.ndarray
+) -> np.ndarray:
     """(N, 5, 6) change of force (3) and moment about the spot (2) per turn (3) and shift (3) of the shank there.
 
     Height, pitch and roll by walking again with each a little changed; what shear does is a constant.
@@ -132,11 +134,11 @@ def _stiffness(person: Person, prosthesis: Prosthesis, attempt: Attempt, now: Ca
     centre = np.column_stack([np.interp(fine, attempt.time_s, line) for line in spot.T] + [np.zeros(len(fine))])
     for column, axis in ((0, [1.0, 0.0, 0.0]), (1, [0.0, 1.0, 0.0]), (5, None)):
         if axis is None:
-            other = carried(person, prosthesis, attempt, lambda R, p: (R, p - np.array([0.0, 0.0, PROBE_M])))
+            other = forward(person, prosthesis, attempt, lambda R, p: (R, p - np.array([0.0, 0.0, PROBE_M])))
             amount = -PROBE_M
         else:
             turn = Rotation.from_rotvec(PROBE_RAD * np.array(axis)).as_matrix()
-            other = carried(person, prosthesis, attempt,
+            other = forward(person, prosthesis, attempt,
                             lambda R, p, turn=turn: (turn @ R, centre + (p - centre) @ turn.T))
             amount = PROBE_RAD
         K[:, :3, column] = (other.force - now.force) / amount
@@ -145,13 +147,13 @@ def _stiffness(person: Person, prosthesis: Prosthesis, attempt: Attempt, now: Ca
     return K
 
 
-def _carry(wishes: Wishes, body: Linearised, now: Carried, wished: np.ndarray, spot: np.ndarray,
+def _carry(targets: Targets, body: Linearised, now: ForwardSensitivity, targeted: np.ndarray, spot: np.ndarray,
            K: np.ndarray) -> None:
     """Asks for the wished force and, less strictly, for the wished centre of pressure."""
     lever = np.column_stack([spot, np.zeros(len(spot))]) - body.p_WB[:, SHANK]
-    twist = np.concatenate([body.J_WB[:, SHANK, :3], body.carried(SHANK, lever)], axis=1)
-    off = np.column_stack([np.clip(wished - now.force, -LARGEST_N, LARGEST_N), -_moment(now, spot)])
-    loaded = np.maximum(wished[:, 2], now.force[:, 2]) > LOADED_N
-    arm = np.maximum(wished[:, 2], 100.0) * CENTRE_M
+    twist = np.concatenate([body.J_WB[:, SHANK, :3], body.forward(SHANK, lever)], axis=1)
+    off = np.column_stack([np.clip(targeted - now.force, -LARGEST_N, LARGEST_N), -_moment(now, spot)])
+    loaded = np.maximum(targeted[:, 2], now.force[:, 2]) > LOADED_N
+    arm = np.maximum(targeted[:, 2], 100.0) * CENTRE_M
     width = np.column_stack([np.full((len(off), 2), SHEAR_N), np.full(len(off), FORCE_N), arm, arm])
-    wishes.pose(K @ twist, RELAXATION * off, np.where(loaded[:, None], width, np.inf))
+    targets.pose(K @ twist, RELAXATION * off, np.where(loaded[:, None], width, np.inf))

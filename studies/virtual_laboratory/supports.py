@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_laboratory.fitting import Wishes
+from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import DEVICE, INTACT_FOOT, Linearised, Person
 from virtual_laboratory.targets import Draw, roll_over
 
@@ -39,12 +39,12 @@ class Support:
     load_n: np.ndarray
 
 
-def anchor(wishes: Wishes, body: Linearised, support: Support, sigma_m: float) -> None:
+def anchor(targets: Targets, body: Linearised, support: Support, sigma_m: float) -> None:
     """Asks that the support be in its place while it is loaded."""
     p_W, J = body.point(support.segment, support.p_B)
     share = np.clip((support.load_n - LOADED_N) / (FULL_N - LOADED_N), 0.0, 1.0)
     width = np.where(share > 0.0, sigma_m / np.maximum(share, 0.05), np.inf)
-    wishes.pose(J, support.p_W - p_W, width[:, None])
+    targets.pose(J, support.p_W - p_W, width[:, None])
 
 
 def _shares(draw_delay: float, part: np.ndarray, load_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

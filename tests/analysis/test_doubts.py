@@ -1,4 +1,4 @@
-"""Walks that do not look like one person over one plate are doubted, with the cause named."""
+"""Walks that do not look like one person over one plate are warned of, with the cause named."""
 
 from __future__ import annotations
 
@@ -9,48 +9,48 @@ import pytest
 from made_results import make_plate, make_walk
 
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.metrics import doubts, walk_metrics
+from vsf_drake.analysis.metrics import walk_metrics, warnings
 from vsf_drake.analysis.offsets import OffsetFit
 from vsf_drake.motion.manifest import GeometricOffsets
 
 
-def doubted(result, plate, fit=None):
+def warned(result, plate, fit=None):
     comparison = compare(result, plate)
-    return doubts(result, comparison, walk_metrics(result, plate, comparison=comparison), fit)
+    return warnings(result, comparison, walk_metrics(result, plate, comparison=comparison), fit)
 
 
 def test_agreeing_walk_is_not_doubted():
-    assert doubted(make_walk(), make_plate()) == []
+    assert warned(make_walk(), make_plate()) == []
 
 
 @pytest.mark.parametrize("factor", [0.45, 2.2])
 def test_mass_in_pounds_is_suspected(factor):
     walk = make_walk()
     wrong = dataclasses.replace(walk, subject_mass_kg=walk.subject_mass_kg * factor)
-    assert any("mass_kg" in sentence for sentence in doubted(wrong, make_plate()))
+    assert any("mass_kg" in sentence for sentence in warned(wrong, make_plate()))
 
 
 def test_plate_of_the_other_foot_is_suspected():
     plate = make_plate()
     elsewhere = dataclasses.replace(plate, cop_W=plate.cop_W + np.array([0.6, 0.0, 0.0]))
-    assert any("assigned" in sentence for sentence in doubted(make_walk(), elsewhere))
+    assert any("assigned" in sentence for sentence in warned(make_walk(), elsewhere))
 
 
 def test_walking_backward_is_suspected():
     walk = make_walk()
     q = np.array(walk.q)
     q[:, walk.coordinate_names.index("pelvis_tx")] *= -1.0
-    assert any("wrong way round" in sentence for sentence in doubted(dataclasses.replace(walk, q=q), make_plate()))
+    assert any("wrong way round" in sentence for sentence in warned(dataclasses.replace(walk, q=q), make_plate()))
 
 
 def test_force_that_is_worse_than_a_constant_is_doubted():
-    assert any("R²" in sentence for sentence in doubted(make_walk(delay_s=0.35), make_plate()))
+    assert any("R²" in sentence for sentence in warned(make_walk(delay_s=0.35), make_plate()))
 
 
 def test_fit_that_ends_on_a_bound_is_doubted():
     fit = OffsetFit(
         offsets=GeometricOffsets(), standard_error=GeometricOffsets(), cost_before=2.0, cost=1.0, evaluations=9,
         success=False, message="ran out of evaluations", at_bound=("fore_aft_m",))
-    found = doubted(make_walk(), make_plate(), fit)
+    found = warned(make_walk(), make_plate(), fit)
     assert any("fore_aft_m" in sentence for sentence in found)
     assert any("ran out of evaluations" in sentence for sentence in found)

@@ -43,10 +43,10 @@ def test_walk_with_markers_a_degree_off_is_good_but_for_remarks_and_costs_more_t
     assert expected_error(item.checks) > 3.0 * expected_error(examined("exact", setting).checks)
 
 
-def moved(trial: Trial, name: str, course) -> Trial:
+def moved(trial: Trial, name: str, perturbation) -> Trial:
     motion = trial.trajectory
     values = np.array(motion.values)
-    values[:, motion.names.index(name)] += course(motion.time_s)
+    values[:, motion.names.index(name)] += perturbation(motion.time_s)
     return dataclasses.replace(trial, trajectory=CoordinateTrajectory(motion.time_s, values, motion.names,
                                                                       source=motion.source))
 

@@ -119,7 +119,7 @@ def test_joints_stop_at_their_limits_and_the_notes_say_so():
     motion, at_limit = solve(made(beyond))
     assert at_limit == ("knee_angle_r",)
     np.testing.assert_allclose(motion.values[:, KNEE], np.radians(-40.0), atol=1e-5)
-    notes = say("intake", "inverse_kinematics", rms_m=0.01, worst="RTHI", worst_m=0.02, at_limit=at_limit)
+    notes = say("import", "inverse_kinematics", rms_m=0.01, worst="RTHI", worst_m=0.02, at_limit=at_limit)
     assert notes[1:] == ["knee_angle_r lies at the limit of inverse kinematics."]
 
 

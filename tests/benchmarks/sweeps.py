@@ -15,7 +15,7 @@ from table import Row
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.many import ProcessWorkers, WalkCase, WalkOutcome, simulate_many
+from vsf_drake.simulation.batch import ProcessWorkers, WalkCase, WalkOutcome, simulate_batch
 
 WALKS, WALK_S, WORKERS, ROUNDS = 200, 1.2, 2, 3
 RUNS, SHORT_S, BATCH = 2000, 0.1, 100
@@ -38,7 +38,7 @@ def speed(trial: Trial, walks: int = WALKS) -> list[Row]:
         pool.start()
         wait([pool.submit(time.sleep, 0.5) for _ in range(WORKERS)])
         for executor in (pool, threads):  # each of their workers builds its person and loads the compiled code
-            simulate_many(cases[: 4 * WORKERS], executor=executor, workers=WORKERS)
+            simulate_batch(cases[: 4 * WORKERS], executor=executor, workers=WORKERS)
         ways = ({"workers": 1}, {"workers": WORKERS}, {"executor": pool, "workers": WORKERS}, {"executor": threads})
         rounds = [[timed(cases, **options) for options in ways] for _ in range(ROUNDS)]
     walls = [min(wall for wall, _ in column) for column in zip(*rounds, strict=True)]
@@ -57,7 +57,7 @@ def memory(trial: Trial, runs: int = RUNS) -> Row:
     part = replace(part, end_s=part.start_s + SHORT_S)
     sizes, started = [], time.perf_counter()
     for first in range(0, runs, BATCH):
-        simulate_many([WalkCase(trial=part, fulcrum_m=0.066 + 0.085 * i / runs) for i in range(first, first + BATCH)],
+        simulate_batch([WalkCase(trial=part, fulcrum_m=0.066 + 0.085 * i / runs) for i in range(first, first + BATCH)],
                       workers=1)
         sizes.append(resident_mb())
     return Row(f"{runs} walks, memory of the process", runs * SHORT_S, time.perf_counter() - started,
@@ -67,7 +67,7 @@ def memory(trial: Trial, runs: int = RUNS) -> Row:
 def timed(cases: list[WalkCase], **options: object) -> tuple[float, list[WalkOutcome]]:
     """Wall time (s) and outcomes."""
     started = time.perf_counter()
-    outcomes = simulate_many(cases, **options)
+    outcomes = simulate_batch(cases, **options)
     return time.perf_counter() - started, outcomes
 
 

@@ -144,7 +144,7 @@ def test_standing_does_not_mix_with_a_bench_in_one_folder(run, subject, tmp_path
     assert code == 2 and "holds the result of a bench" in err
 
 
-REPORTED = {"offsets": {"height_m": 0.0, "fore_aft_m": 0.0, "alignment_rad": 0.0}, "offset_fit": None, "doubts": [],
+REPORTED = {"offsets": {"height_m": 0.0, "fore_aft_m": 0.0, "alignment_rad": 0.0}, "offset_fit": None, "warnings": [],
             "notes": []}
 
 

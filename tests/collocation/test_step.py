@@ -22,7 +22,7 @@ from vsf_drake.collocation import (
 )
 from vsf_drake.collocation.scaled import Scaled
 from vsf_drake.collocation.sqp import stiffened, with_curvature
-from vsf_drake.collocation.step import SOFT, Kkt, box_minimum, find_step, normals, optimality, room_changes
+from vsf_drake.collocation.step import SOFT, Kkt, box_minimum, find_step, normals, optimality, slack_changes
 
 
 def square(y):
@@ -113,7 +113,7 @@ def test_rooms_change_as_their_normals_say(case):
     at = scaled.linearised(scaled.scaled(draw.standard_normal(scaled.shape), draw.standard_normal(2)))
     which = np.flatnonzero(np.isfinite(scaled.slacks(at)))
     way = draw.standard_normal(len(at.x)) * ~scaled.fixed
-    assert normals(scaled, at, which).T @ way == pytest.approx(room_changes(scaled, at, way)[which])
+    assert normals(scaled, at, which).T @ way == pytest.approx(slack_changes(scaled, at, way)[which])
 
 
 @CASES
@@ -181,14 +181,14 @@ def test_a_step_is_the_minimum_of_its_quadratic_program(case):
     """Its first-order conditions, put together from the sparse whole; the program is convex, so they suffice."""
     scaled, draw = Scaled(anything(9, **case)), np.random.default_rng(10)
     at = scaled.linearised(scaled.scaled(0.3 * draw.standard_normal(scaled.shape), draw.standard_normal(2)))
-    n, free, room = len(at.x), ~scaled.fixed, scaled.slacks(at)
+    n, free, slacks = len(at.x), ~scaled.fixed, scaled.slacks(at)
     damping = draw.uniform(0.5, 2.0, n)
     kkt, bare = Kkt(scaled, at, damping), Kkt(scaled, at, np.zeros(n)).matrix[:n, :n]
-    for likely in ([], [2 * n], np.flatnonzero(room < 1.0)):
-        step = find_step(kkt, equations=at.equations, room=room, likely=np.array(likely, dtype=int))
+    for likely in ([], [2 * n], np.flatnonzero(slacks < 1.0)):
+        step = find_step(kkt, equations=at.equations, slacks=slacks, likely=np.array(likely, dtype=int))
         d, conditions = step.change, kkt.matrix[n:, :n]
         assert conditions @ d == pytest.approx(-np.concatenate([at.linear, at.equations.ravel()]), abs=1e-12)
-        after = room + room_changes(scaled, at, d)
+        after = slacks + slack_changes(scaled, at, d)
         assert after.min() > -1e-9 and (step.pressure > 0.0).all() and len(step.pressed) > 1
         assert after[step.pressed] == pytest.approx(0.0, abs=1e-10)
         assert step.pull == pytest.approx(-normals(scaled, at, step.pressed) @ step.pressure)
@@ -241,7 +241,7 @@ def swing(intervals=12):
 
 
 def step_of(scaled, kkt):
-    return find_step(kkt, equations=kkt.at.equations, room=scaled.slacks(kkt.at), likely=np.zeros(0, dtype=int))
+    return find_step(kkt, equations=kkt.at.equations, slacks=scaled.slacks(kkt.at), likely=np.zeros(0, dtype=int))
 
 
 def test_a_cost_without_squares_is_minimised_all_the_same():

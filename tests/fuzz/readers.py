@@ -58,8 +58,8 @@ from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
 from vsf_drake.report.validation.output import VALIDATION
 from vsf_drake.scenario import load_scenario
 from vsf_drake.simulation.archive import check_target
-from vsf_drake.simulation.many.cases import Task
-from vsf_drake.simulation.many.run import Kind, Reply, WalkCache
+from vsf_drake.simulation.batch.cases import WorkerTask
+from vsf_drake.simulation.batch.run import Kind, Reply, WalkCache
 from vsf_drake.simulation.results import load_bench, load_walk, save_bench, save_walk
 
 MOST_S, MOST_BYTES = 10.0, 300_000_000
@@ -339,7 +339,7 @@ def _write_results(folder: Path, validation: Path | None) -> None:
     write_json(folder / "sweep" / "sweep.json", {
         "kind": "sweep", "trials": [{"name": own.name, "file": str(own.path), "inputs": own.inputs}]})
     WalkCache(folder / "cache").write(
-        Task(KEY, "person", "motion", {"step_s": 1e-3}, ("grf_W",), {"numpy": "2"}),
+        WorkerTask(KEY, "person", "motion", {"step_s": 1e-3}, ("grf_W",), {"numpy": "2"}),
         Reply(Kind.DONE, arrays={"grf_W": np.ones((4, 3))}, columns={"q": ("a", "b")}, unconverged_steps=0,
               refined_steps=0, wall_s=0.1, notes=("a note",)))
 

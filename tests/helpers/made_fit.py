@@ -10,8 +10,15 @@ from made_results import make_plate, make_walk
 
 from vsf_drake.analysis.contact_fit.assessment import BenchRow, Beside, LeftOut, TrialCurves, TrialScore
 from vsf_drake.analysis.contact_fit.paper import PaperState
-from vsf_drake.analysis.contact_fit.solve import Direction, Pair, Part, Search, Uncertainty
-from vsf_drake.analysis.contact_fit.table import CurveRow, FitTable, FittedPerson, NoiseRatio, ParameterRow, TrialRow
+from vsf_drake.analysis.contact_fit.solve import Direction, DirectionPart, FitSearch, Pair, Uncertainty
+from vsf_drake.analysis.contact_fit.table import (
+    FitTable,
+    FittedPerson,
+    FitTrialRow,
+    NoiseRatio,
+    ParameterRow,
+    SmoothErrorRow,
+)
 from vsf_drake.analysis.fulcrum_sweep import swept
 from vsf_drake.analysis.metrics import walk_metrics
 
@@ -33,13 +40,13 @@ def made_curves(*, cop: bool = True) -> TrialCurves:
 
 
 def made_trial(label: str = "soft", role: str = "fitted", fulcrum_mm: float = 66.0, *, synthetic: bool = False,
-               judged: bool = True, **changes: Any) -> TrialRow:
+               judged: bool = True, **changes: Any) -> FitTrialRow:
     """A row of a fit; `changes` are of its score."""
     errors = [*(0.02 + 2.0 * np.abs(POSITIONS[:-1] - 1e-3 * fulcrum_mm)), np.nan]
     score = TrialScore(**{
         "label": label, "role": role, "metrics": METRICS, "curves": made_curves(), "floor_grf_rmse_bw": 0.01,
         "sweep": replace(swept(POSITIONS, errors, true_m=1e-3 * fulcrum_mm), best_mm=fulcrum_mm, right=True)} | changes)
-    return TrialRow(label=label, name=f"trial {label}", file=f"{label}.yaml", role=role, synthetic=synthetic,
+    return FitTrialRow(label=label, name=f"trial {label}", file=f"{label}.yaml", role=role, synthetic=synthetic,
                     fulcrum_mm=fulcrum_mm, window_s=(0.0, 1.2), notes=(), score=score if judged else None)
 
 
@@ -52,8 +59,10 @@ def made_parameter(name: str, value: float = 0.5, **changes: Any) -> ParameterRo
     return replace(row, **changes)
 
 
-def made_search(start_cost: float = 900.0, cost: float = 20.0, success: bool = True, message: str = "ftol") -> Search:
-    return Search(start=np.zeros(5), u=np.zeros(5), start_cost=start_cost, cost=cost, success=success,
+def made_search(
+    start_cost: float = 900.0, cost: float = 20.0, success: bool = True, message: str = "ftol"
+) -> FitSearch:
+    return FitSearch(start=np.zeros(5), u=np.zeros(5), start_cost=start_cost, cost=cost, success=success,
                   message=message, evaluations=12, failed=0)
 
 
@@ -78,7 +87,7 @@ def made_uncertainty(**changes: Any) -> Uncertainty:
     made = Uncertainty(
         names=names, standard_error=np.full(5, 0.3), interval=np.zeros((5, 2)), share_of_prior=np.full(5, 0.3),
         correlation=matrix, singular_values=np.array([30.0, 4.0, 1.0, 0.2, 0.0]),
-        weakest=(Direction(0.2, (Part("offset.height", 0.9),)),), at_bound=("socket.tz.stiffness",),
+        weakest=(Direction(0.2, (DirectionPart("offset.height", 0.9),)),), at_bound=("socket.tz.stiffness",),
         unidentified=("contact.heel.force",), together=(Pair((names[0], names[1]), -0.95),))
     return replace(made, **changes)
 
@@ -94,7 +103,8 @@ def made_fit(**changes: Any) -> FitTable:
         left_out=(LeftOut(kind="trial", left_out=("soft",), grf_rmse_bw=0.04, cop_rmse_fl=None),
                   LeftOut(kind="trial", left_out=("stiff",), grf_rmse_bw=None, cop_rmse_fl=None,
                           failed="the fit failed")),
-        parameters=PARAMETERS, curves=(CurveRow(coordinate="knee_angle_r", largest_deg=0.4, at_percent_of_cycle=30.0),),
+        parameters=PARAMETERS, curves=(SmoothErrorRow(coordinate="knee_angle_r", largest_deg=0.4,
+                                                      at_percent_of_cycle=30.0),),
         uncertainty=made_uncertainty(), noise_ratios=(NoiseRatio(trial="soft", series="vertical", ratio=0.4),),
         searches=SEARCHES, best_search=0, options={"starts": 3, "noise": {"vertical": 0.025}}, seed=0, wall_s=12.0,
         versions={"drake": "1.51"}, inputs_sha256={"soft: soft.yaml": "0" * 64}, series=("vertical",))

@@ -21,7 +21,7 @@ def made_study_walk(label="made", *, fulcrum_m=0.066, role="held out", plate=Non
         name=label, fulcrum_m=fulcrum_m, synthetic=True, prosthetic_plate=plate,
         trajectory=CoordinateTrajectory(result.time_s, result.prescribed_q, result.prescribed_names))
     return StudyWalk(label=label, role=role, recorded=trial, trial=trial, result=result, comparison=comparison,
-                     metrics=walk_metrics(result, plate, comparison=comparison), doubts=())
+                     metrics=walk_metrics(result, plate, comparison=comparison), warnings=())
 
 
 def with_plate(walk: StudyWalk, **changes) -> StudyWalk:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import Check
+from vsf_drake.analysis.tuning.common import TuningCheck
 from vsf_drake.analysis.tuning.schedule import Schedule, Task, make_schedule
 from vsf_drake.analysis.tuning.table import (
     FORMAT,
@@ -64,7 +64,7 @@ def made_table(**changes: Any) -> TuningTable:
         solver=SolverEnd("SNOPT", "optimal", 12, 30, 1e-9, 2e-7),
         confirmed_by=(Confirmation("IPOPT", 104.3, 2.0001, True, "warm", "solved"),),
         starts=tuple(SearchEnd(x, BEST_MM + 1e-3 * x, 2.0, True) for x in (66.0, 108.0, 151.0)),
-        checks=(Check("brute", "fine sweep", 0.3, "mm", 1.0, True, "The sweep's least is as near as that."),),
+        checks=(TuningCheck("brute", "fine sweep", 0.3, "mm", 1.0, True, "The sweep's least is as near as that."),),
         tasks=tuple(TaskOptimum(label, mm, 2.0, 2.0 + 2e-4 * (mm - 104.0) ** 2)
                     for label, mm in (("slow", 90.0), ("medium", 104.0), ("fast", 120.0))),
         common_fulcrum_mm=104.0, pareto=tuple(ParetoPoint(w, 80.0 + 50.0 * w, 2.0 + w**2, 2.0 + (1.0 - w) ** 2)

@@ -32,7 +32,7 @@ from vsf_drake.motion.events import find_stances
 def test_consecutive_steps_on_many_plates_go_to_the_right_feet():
     result = assign(*everywhere(), plate("empty"))
     assert sides(result) == [("R0", "right"), ("L0", "left"), ("R1", "right"), ("L1", "left")]
-    assert all(c.doubt is None and c.distance_m < 0.03 for c in result.contacts)
+    assert all(c.warning is None and c.distance_m < 0.03 for c in result.contacts)
     for side, names in (("right", ("R0", "R1")), ("left", ("L0", "L1"))):
         wanted = sum(p.force_n for p in everywhere() if p.name in names)
         assert np.array_equal(result.plates[side].force_W, wanted)
@@ -48,7 +48,7 @@ def test_both_feet_on_one_plate_are_unusable():
     long = plate("1", step_load("right", 0), step_load("left", 0))
     result = assign(long, plate("R1", step_load("right", 1)))
     shared = [c for c in result.contacts if c.plate == "1"]
-    assert shared and all(c.side is None and "unusable" in c.doubt for c in shared)
+    assert shared and all(c.side is None and "unusable" in c.warning for c in shared)
     assert "left" not in result.plates
     assert result.plates["right"].force_W[FORCE_TIME < 1.3].max() == 0.0
     for side in ("right", "left"):
@@ -117,7 +117,7 @@ def test_foot_half_a_stance_on_the_floor_is_doubted():
     cop[late] = np.nan
     result = assign(*everywhere(R1=plate("R1", (force, cop))))
     (contact,) = [c for c in result.contacts if c.plate == "R1"]
-    assert contact.side == "right" and "stands on no plate for 0.3" in contact.doubt
+    assert contact.side == "right" and "stands on no plate for 0.3" in contact.warning
     assert any(a < 1.5 and b > 2.0 for a, b in result.unmeasured["right"])
 
 
@@ -130,8 +130,8 @@ def test_same_load_reported_twice_counts_once():
 def test_stated_plates_win_and_a_contradiction_is_noted():
     result = assign(*everywhere()[:2], stated={"right": "L0", "left": "R0"})
     assert dict(sides(result)) == {"L0": "right", "R0": "left"}
-    assert all("it is stated as the" in c.doubt for c in result.contacts)
-    assert assign(*everywhere()[:2], stated={"right": "R0", "left": "L0"}).contacts[0].doubt is None
+    assert all("it is stated as the" in c.warning for c in result.contacts)
+    assert assign(*everywhere()[:2], stated={"right": "R0", "left": "L0"}).contacts[0].warning is None
     with pytest.raises(InputError, match=r"forces\.right \(--right-plate\): there is no plate 9\. Plates are: R0, L0"):
         assign(*everywhere()[:2], stated={"right": "9"})
 
@@ -140,7 +140,7 @@ def test_plates_without_centre_of_pressure_are_told_by_time():
     blind = [dataclasses.replace(p, cop_m=np.full_like(p.cop_m, np.nan)) for p in everywhere()]
     result = assign(*blind)
     assert dict(sides(result)) == {"R0": "right", "R1": "right", "L0": "left", "L1": "left"}
-    assert not result.plates["right"].has_cop and "told by its times" in result.contacts[0].doubt
+    assert not result.plates["right"].has_cop and "told by its times" in result.contacts[0].warning
 
 
 def test_treadmill_belts_stay_with_their_feet():
@@ -154,7 +154,7 @@ def test_treadmill_belts_stay_with_their_feet():
     tracks = {s: dataclasses.replace(t, heel_W=t.heel_W - drift, toe_W=t.toe_W - drift) for s, t in tracks.items()}
     result = assign_plates(recording(*belts), TIME, tracks, pelvis - drift)
     assert [c.side for c in result.contacts] == ["right", "left", "right", "left"]
-    assert result.contacts[0].doubt is None or "toe to heel" not in result.contacts[0].doubt
+    assert result.contacts[0].warning is None or "toe to heel" not in result.contacts[0].warning
 
 
 @pytest.mark.parametrize("change", [{"shift": (0.0, 1.0)}, {"rotate": np.pi / 2, "shift": (0.5, 0.6)},
@@ -170,12 +170,12 @@ def test_plate_turned_in_its_place_is_doubted():
     middle = np.nanmean(right.cop_m, axis=0)[:2]
     turned = moved(moved(right, shift=-middle), rotate=np.pi, shift=middle)
     (contact, *_) = assign(*everywhere(R0=turned)).contacts
-    assert contact.side == "right" and "from toe to heel" in contact.doubt
+    assert contact.side == "right" and "from toe to heel" in contact.warning
 
 
 def test_plate_beside_the_foot_is_doubted():
     (contact, *_) = assign(*everywhere(R0=moved(everywhere()[0], shift=(0.0, -0.1)))).contacts
-    assert contact.side == "right" and "10 cm beside the foot" in contact.doubt
+    assert contact.side == "right" and "10 cm beside the foot" in contact.warning
 
 
 def test_force_down_or_sideways_is_refused():

@@ -11,7 +11,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint
 
 from vsf_drake.analysis.bench_metrics import displacement, stiffness
-from vsf_drake.analysis.intake import scale_foot
+from vsf_drake.analysis.import_walks import scale_foot
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.model_file import check_model

@@ -116,8 +116,8 @@ def test_a_sweep_marks_where_the_fulcrum_stood_and_names_what_is_wrong():
         [star] = [line for line in axes.get_lines() if line.get_marker() == "*"]
         assert star.get_xdata()[0] == best and said in axes.get_legend().get_texts()[0].get_text()
     failed = line_of(made_trial(fulcrum_mm=70.0), grf_rmse_bw=(None,) * 18, best_mm=None, right=False)
-    many = fit_sweep_figure([failed, *(line_of(made_trial(f"t{mm}", fulcrum_mm=float(mm))) for mm in range(71, 76))])
-    assert sum(axes.axison for axes in many.axes) == 6
+    batch = fit_sweep_figure([failed, *(line_of(made_trial(f"t{mm}", fulcrum_mm=float(mm))) for mm in range(71, 76))])
+    assert sum(axes.axison for axes in batch.axes) == 6
 
 
 def test_the_bench_has_a_row_for_each_measured_quantity_with_every_difference():

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from page_reader import Balanced
 
 from vsf_drake.analysis.contact_fit.assessment import Beside
-from vsf_drake.analysis.contact_fit.table import CurveRow, fit_arrays
+from vsf_drake.analysis.contact_fit.table import SmoothErrorRow, fit_arrays
 from vsf_drake.cli.fit import print_fit
 from vsf_drake.errors import InputError
 from vsf_drake.report import fit_output
@@ -61,7 +61,7 @@ def test_every_trial_stands_there_with_all_its_numbers_and_what_is_there_is_expl
 
 
 def test_what_was_left_out_stands_nowhere_and_the_seed_once():
-    flat = CurveRow(coordinate="hip_flexion_r", largest_deg=0.0, at_percent_of_cycle=0.0)
+    flat = SmoothErrorRow(coordinate="hip_flexion_r", largest_deg=0.0, at_percent_of_cycle=0.0)
     assert smooth_errors(made_fit(curves=(flat,))) == ""
     assert "hip_flexion_r" not in smooth_errors(made_fit(curves=(flat, *made_fit().curves)))
     for options in ({"starts": 3}, {"starts": 3, "seed": 0}):

@@ -77,8 +77,8 @@ def test_spheres_pressed_are_those_of_the_benchs_patch_and_of_the_heel_block():
 
 def test_what_has_no_part_changes_nothing_and_has_no_derivative():
     values = {"contact.forefoot.damping": 1e3, "contact.heel.full_damping_depth": 1e-3, "friction.mu_static": 0.9,
-              "socket.tz.stiffness": 1e4, "offset.height": 0.01, "coordinate.knee_angle_r": 0.1, "course.pelvis": 0.02,
-              "fulcrum.shift": 0.01, "contact.heel_anterior.stiffness": 1e3}
+              "socket.tz.stiffness": 1e4, "offset.height": 0.01, "coordinate.knee_angle_r": 0.1,
+              "perturbation.pelvis": 0.02, "fulcrum.shift": 0.01, "contact.heel_anterior.stiffness": 1e3}
     at, by = machine().evaluate(values, list(values))
     np.testing.assert_array_equal(at, machine().evaluate({})[0])
     assert by.shape == (4, len(values)) and not by.any() and not np.signbit(by).any()

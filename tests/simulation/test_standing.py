@@ -14,7 +14,7 @@ from vsf_drake.motion.markers.posture import settling
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import PELVIS_COORDINATES, ModelParameters, Subject
 from vsf_drake.simulation.results import standing_table
-from vsf_drake.simulation.standing import ROTATIONS, TRANSLATIONS, Posture, simulate_standing
+from vsf_drake.simulation.standing import ROTATIONS, TRANSLATIONS, StandingPosture, simulate_standing
 from vsf_drake.simulation.walk import Walker
 
 MALE = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
@@ -73,16 +73,16 @@ MODEL = ModelParameters()
 LEAN = np.radians(2.0)
 
 
-def leaning(side: str = "right", lean: float = LEAN) -> Posture:
+def leaning(side: str = "right", lean: float = LEAN) -> StandingPosture:
     """Forward at both ankles, as people stand: the intact one flexed, the prosthesis aligned likewise."""
     subject = replace(MALE, prosthetic_side=side, prosthesis_alignment_rad=lean)
     ankle = "ankle_angle_l" if side == "right" else "ankle_angle_r"
-    return Posture(subject, MODEL, {ankle: lean, "pelvis_tilt": -lean}, fulcrum_m=0.108)
+    return StandingPosture(subject, MODEL, {ankle: lean, "pelvis_tilt": -lean}, fulcrum_m=0.108)
 
 
 @pytest.fixture(scope="module")
 def neutral():
-    return Posture(MALE, MODEL, {}, fulcrum_m=0.108)
+    return StandingPosture(MALE, MODEL, {}, fulcrum_m=0.108)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_equal_legs_are_level_and_unequal_ones_list_by_the_triangle(neutral):
     body = neutral.walker.gait.person.body
     for side, sign in (("right", 1.0), ("left", -1.0)):
         subject = replace(MALE, prosthetic_side=side, prosthesis_length_m=body.prosthesis_length - 0.010)
-        list_ = Posture(subject, MODEL, {}, fulcrum_m=0.108).level_list(0.0)
+        list_ = StandingPosture(subject, MODEL, {}, fulcrum_m=0.108).level_list(0.0)
         # Listed, the inner or outer edges of the soles (at most 35 mm beside the hip's plumb line) touch instead.
         narrow, wide = (np.arctan(0.010 / (2 * body.hip_lateral + edges)) for edges in (0.070, -0.070))
         assert narrow < sign * list_ < wide, "the side of the shorter leg goes down"
@@ -165,7 +165,7 @@ def test_pushed_off_an_unstable_balance_the_person_topples_on():
     ({"pelvis_ty": float("inf")}, "not a finite angle")])
 def test_angles_that_mean_nothing_are_refused(angles, said):
     with pytest.raises(InputError, match=said):
-        Posture(MALE, MODEL, angles, fulcrum_m=0.108)
+        StandingPosture(MALE, MODEL, angles, fulcrum_m=0.108)
 
 
 LOWERED_M = 0.008

@@ -1,4 +1,5 @@
-"""Variables and courses do what changing the thing they name does; what has no meaning is refused; nothing is left."""
+"""Variables and perturbations do what changing the thing they name does; what has no meaning is refused; nothing is
+left."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
-from vsf_drake.simulation.variables import SOCKET_AXES, Course
+from vsf_drake.simulation.variables import SOCKET_AXES, MotionPerturbation
 from vsf_drake.simulation.walk import Walker
 
 FULCRUM_M, START_S = 0.108, 0.4
@@ -194,7 +195,7 @@ def test_walk_with_a_course_is_the_walk_of_a_trajectory_changed_by_it(person, mo
     curve = motion("right")
     values = curve.values + np.outer(value * wave(curve.time_s), np.array(curve.names) == name)
     wanted = person.walk(CoordinateTrajectory(curve.time_s, values, curve.names), **SPAN)
-    walk = walked(person, motion, courses=[Course("a", name, wave)], values={"course.a": value})
+    walk = walked(person, motion, perturbations=[MotionPerturbation("a", name, wave)], values={"perturbation.a": value})
     np.testing.assert_allclose(walk.commanded, wanted.commanded, atol=1e-8 * abs(value))
     assert_same_walk(walk, wanted, 1e-5)
 
@@ -202,8 +203,9 @@ def test_walk_with_a_course_is_the_walk_of_a_trajectory_changed_by_it(person, mo
 @pytest.mark.parametrize("name", ["pelvis_ty", "knee_angle_r"])
 def test_constant_shape_is_a_shift_of_the_coordinate(person, motion, name):
     shift = f"coordinate.{name}"
-    options = {"courses": [Course("a", name, one)], "with_respect_to": [shift, "course.a"]}
-    walk, wanted = (walked(person, motion, values={variable: 0.004}, **options) for variable in ("course.a", shift))
+    options = {"perturbations": [MotionPerturbation("a", name, one)], "with_respect_to": [shift, "perturbation.a"]}
+    walk, wanted = (walked(person, motion, values={variable: 0.004}, **options) for variable in ("perturbation.a",
+                                                                                                 shift))
     assert_same_walk(walk, wanted, 1e-12)
     for by in (walk.sensitivity, wanted.sensitivity):
         for series in (by.grf_W, by.cop_W, by.free_moment_nm):
@@ -214,11 +216,14 @@ def test_constant_shape_is_a_shift_of_the_coordinate(person, motion, name):
 
 def test_courses_of_one_coordinate_and_its_shift_add_up_for_one_walk(person, motion):
     known = list(person.variables)
-    courses = [Course("a", "hip_flexion_r", wave), Course("b", "hip_flexion_r", one), Course("c", "pelvis_tx", wave)]
-    values = {"course.a": 0.01, "course.b": 0.002, "coordinate.hip_flexion_r": 0.001, "course.c": 0.004}
-    walk = walked(person, motion, courses=courses, values=values)
-    together = [Course("hip", "hip_flexion_r", lambda t: 0.01 * wave(t) + 0.003), Course("c", "pelvis_tx", wave)]
-    wanted = walked(person, motion, courses=together, values={"course.hip": 1.0, "course.c": 0.004})
+    perturbations = [MotionPerturbation("a", "hip_flexion_r", wave), MotionPerturbation("b", "hip_flexion_r", one),
+                     MotionPerturbation("c", "pelvis_tx", wave)]
+    values = {"perturbation.a": 0.01, "perturbation.b": 0.002, "coordinate.hip_flexion_r": 0.001,
+              "perturbation.c": 0.004}
+    walk = walked(person, motion, perturbations=perturbations, values=values)
+    together = [MotionPerturbation("hip", "hip_flexion_r", lambda t: 0.01 * wave(t) + 0.003),
+                MotionPerturbation("c", "pelvis_tx", wave)]
+    wanted = walked(person, motion, perturbations=together, values={"perturbation.hip": 1.0, "perturbation.c": 0.004})
     assert_same_walk(walk, wanted, 1e-9)
     assert list(person.variables) == known
 
@@ -226,9 +231,10 @@ def test_courses_of_one_coordinate_and_its_shift_add_up_for_one_walk(person, mot
 def test_start_has_the_rate_of_the_shape(person, motion):
     """On the ground, where all else is at rest: of a sine to 1e-11, of what begins flat none at all."""
     span = {"start_s": START_S, "end_s": START_S + 0.01}
-    courses = [Course("steep", "pelvis_tx", lambda t: np.sin(9.0 * t)),
-               Course("flat", "knee_angle_r", lambda t: (t - START_S) ** 3)]
-    walk = walked(person, motion, courses=courses, values={"course.steep": 0.01, "course.flat": 0.02}, **span)
+    perturbations = [MotionPerturbation("steep", "pelvis_tx", lambda t: np.sin(9.0 * t)),
+               MotionPerturbation("flat", "knee_angle_r", lambda t: (t - START_S) ** 3)]
+    walk = walked(person, motion, perturbations=perturbations, values={"perturbation.steep": 0.01,
+                                                                       "perturbation.flat": 0.02}, **span)
     change = walk.record.v0 - walked(person, motion, **span).record.v0
     forward = walk.mechanism.tree.index("pelvis_tx")
     assert change[forward] == pytest.approx(0.09 * math.cos(9.0 * START_S), abs=1e-10)
@@ -242,7 +248,8 @@ def test_shape_is_asked_within_the_walk_only_and_cannot_spoil_its_times(person, 
         time *= 2.0
         return time
 
-    walk, wanted = (walked(person, motion, courses=[Course("a", "pelvis_tx", function)], values={"course.a": 0.01})
+    walk, wanted = (walked(person, motion, perturbations=[MotionPerturbation("a", "pelvis_tx", function)],
+                           values={"perturbation.a": 0.01})
                     for function in (shape, lambda t: 2.0 * t))
     assert_same_walk(walk, wanted)
 
@@ -250,26 +257,27 @@ def test_shape_is_asked_within_the_walk_only_and_cannot_spoil_its_times(person, 
 @pytest.mark.parametrize("steps", [1, 2])
 def test_shortest_walks_have_courses_too_and_the_result_tells_of_them(person, motion, trial_files, steps):
     span = {"start_s": START_S, "end_s": START_S + steps * 1e-4, "step_s": 1e-4}
-    walk = walked(person, motion, courses=[Course("a", "pelvis_ty", wave)], values={"course.a": 1e-4},
-                  with_respect_to=["course.a"], **span)
+    walk = walked(person, motion, perturbations=[MotionPerturbation("a", "pelvis_ty", wave)],
+                  values={"perturbation.a": 1e-4}, with_respect_to=["perturbation.a"], **span)
     assert walk.sensitivity.grf_W.shape == (steps, 3, 1) and np.isfinite(walk.sensitivity.grf_W).all()
     table = person.result(walk, load_trial(trial_files.write()), GeometricOffsets(), energy=False).parameters
-    assert table["values"] == {"course.a": 1e-4} and table["courses"] == {"course.a": "pelvis_ty"}
+    assert table["values"] == {"perturbation.a": 1e-4} and table["perturbations"] == {"perturbation.a": "pelvis_ty"}
 
 
-A = Course("a", "pelvis_ty", one)
+A = MotionPerturbation("a", "pelvis_ty", one)
 
 
-@pytest.mark.parametrize(("courses", "match"), [
-    ([Course("a", "pelvis_tyy", one)], "'pelvis_tyy' is not a pres.*Did you mean pelvis_ty"),
-    ([Course("a", "socket_tx", one)], "'socket_tx' is not a prescribed"),
-    ([A, Course("a", "pelvis_tx", one)], "two courses have this name"), ([Course("", "pelvis_ty", one)], "is no name"),
-    (A, "no list of courses"), ([one], r"courses\[0\].*no Course"),
-    ([Course("a", "pelvis_ty", 1.0)], "is a float, no function"),
-    ([Course("a", "pelvis_ty", lambda t: 1.0)], r"shape \(\) for"),
-    ([Course("a", "pelvis_ty", lambda t: np.where(t > 0.301, np.nan, 1.0))], r"is nan at 0\.302 s"),
-    ([Course("a", "pelvis_ty", lambda t: t + 0j)], "complex")])
-def test_what_is_no_course_is_refused(person, motion, courses, match):
+@pytest.mark.parametrize(("perturbations", "match"), [
+    ([MotionPerturbation("a", "pelvis_tyy", one)], "'pelvis_tyy' is not a pres.*Did you mean pelvis_ty"),
+    ([MotionPerturbation("a", "socket_tx", one)], "'socket_tx' is not a prescribed"),
+    ([A, MotionPerturbation("a", "pelvis_tx", one)], "two perturbations have this name"),
+    ([MotionPerturbation("", "pelvis_ty", one)], "is no name"),
+    (A, "no list of perturbations"), ([one], r"perturbations\[0\].*no MotionPerturbation"),
+    ([MotionPerturbation("a", "pelvis_ty", 1.0)], "is a float, no function"),
+    ([MotionPerturbation("a", "pelvis_ty", lambda t: 1.0)], r"shape \(\) for"),
+    ([MotionPerturbation("a", "pelvis_ty", lambda t: np.where(t > 0.301, np.nan, 1.0))], r"is nan at 0\.302 s"),
+    ([MotionPerturbation("a", "pelvis_ty", lambda t: t + 0j)], "complex")])
+def test_what_is_no_course_is_refused(person, motion, perturbations, match):
     with pytest.raises(InputError, match=match) as caught:
-        walked(person, motion, courses=courses)
-    assert "course" in str(caught.value)
+        walked(person, motion, perturbations=perturbations)
+    assert "perturbation" in str(caught.value)

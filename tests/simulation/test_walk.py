@@ -29,7 +29,7 @@ from vsf_drake.simulation import walk as module
 from vsf_drake.simulation.reactions import INPUTS
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Stepper
-from vsf_drake.simulation.variables import Course
+from vsf_drake.simulation.variables import MotionPerturbation
 from vsf_drake.simulation.walk import AppliedTorques, Walker, bytes_a_step, walk_notes
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
@@ -419,23 +419,23 @@ def test_a_fitted_trial_walks_as_the_fit_did_with_courses(source, referred):
     phase, splines = gait_phase(source), periodic_bsplines(len(CURVE.coefficients))
     values = {**OF_THE_MODEL, **OF_THE_TRIAL}
     values["offset.height"] += OWN.height_m
-    courses = []
+    perturbations = []
 
-    def course(name, coordinate, shape, value):
-        courses.append(Course(name=name, coordinate=coordinate, shape=shape))
-        values[f"course.{name}"] = value
+    def perturbation(name, coordinate, shape, value):
+        perturbations.append(MotionPerturbation(name=name, coordinate=coordinate, shape=shape))
+        values[f"perturbation.{name}"] = value
 
     for i, value in enumerate(CURVE.coefficients):
-        course(f"curve.{i}", CURVE.coordinate, lambda t, i=i: splines(phase(t))[:, i], value)
+        perturbation(f"curve.{i}", CURVE.coordinate, lambda t, i=i: splines(phase(t))[:, i], value)
     for name, coefficients in OWN.path.items():
         basis = window_bsplines(source.start_s, source.end_s, len(coefficients))
         for i, value in enumerate(coefficients):
-            course(f"{name}.{i}", name, lambda t, i=i, basis=basis: basis(t)[:, i], value)
-    wanted = through(referred, source, values=values, courses=courses)
+            perturbation(f"{name}.{i}", name, lambda t, i=i, basis=basis: basis(t)[:, i], value)
+    wanted = through(referred, source, values=values, perturbations=perturbations)
     fitted = trial_with(source, contact)
     found = through(Walker(fitted.subject, fitted.model), fitted)
     assert_same_walk(wanted, found, 1e-5)
-    plain = {name: value for name, value in values.items() if not name.startswith("course.")}
+    plain = {name: value for name, value in values.items() if not name.startswith("perturbation.")}
     without = through(referred, source, values=plain)
     assert np.abs(without.prosthetic.grf_W - wanted.prosthetic.grf_W).max() > 20.0
 

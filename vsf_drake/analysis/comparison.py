@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from vsf_drake.simulation.reactions import ReactionSensitivity
 
 
-class Walked(Protocol):
+class ComparableWalk(Protocol):
     """What a comparison reads of a finished walk; a `WalkResult` has it."""
 
     @property
@@ -71,7 +71,7 @@ class Comparison:
         return (self.time_s >= start_s - 1e-9) & (self.time_s <= end_s + 1e-9)
 
 
-def compare(result: Walked, plate: PlateRecording) -> Comparison:
+def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:
     """Brings a finished walk and the record of the plate under the prosthetic foot together.
 
     Forces: the plate, which may be longer or shorter, is resampled to the model's instants (and beyond the simulated
@@ -120,7 +120,7 @@ def compare(result: Walked, plate: PlateRecording) -> Comparison:
     return comparison
 
 
-def walking_direction(result: Walked) -> np.ndarray:
+def walking_direction(result: ComparableWalk) -> np.ndarray:
     """(2,) unit vector of the pelvis's mean horizontal velocity in W; W's x where it hardly moves."""
     path = np.array([result.column("pelvis_tx"), -result.column("pelvis_tz")])
     travelled = path[:, -1] - path[:, 0]
@@ -204,7 +204,7 @@ class ComparisonSensitivity:
 
 
 def compare_sensitivity(
-    comparison: Comparison, result: Walked, sensitivity: ReactionSensitivity
+    comparison: Comparison, result: ComparableWalk, sensitivity: ReactionSensitivity
 ) -> ComparisonSensitivity:
     """Derivatives of what `compare` made of `result`, a finished walk; `sensitivity` is of the same walk."""
     if len(sensitivity.grf_W) != len(result.time_s):

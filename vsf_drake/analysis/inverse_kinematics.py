@@ -70,7 +70,7 @@ def refined(trial: Trial, *, cutoff_hz: float | None = CUTOFF_HZ, longest_gap_s:
                                                 longest_gap_s=longest_gap_s)
     distances = motion.residual_rms_m
     worst = max(distances, key=lambda label: distances[label])
-    notes = say("intake", "inverse_kinematics", rms_m=np.sqrt(np.mean(np.square(list(distances.values())))),
+    notes = say("import", "inverse_kinematics", rms_m=np.sqrt(np.mean(np.square(list(distances.values())))),
                 worst=worst, worst_m=distances[worst], at_limit=at_limit)
     fitted = dataclasses.replace(tracked, values=motion.values, notes=(*tracked.notes, *notes))
     names = trial.trajectory.names

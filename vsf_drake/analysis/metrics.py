@@ -268,7 +268,7 @@ FAR_COP_FL = 1.0  # distance between the two centres of pressure (foot lengths) 
 SCUFF_BW = 0.05  # contact of the swinging foot (body weights) that is worth a sentence
 
 
-def doubts(result: WalkResult, comparison: Comparison, metrics: WalkMetrics, fit: OffsetFit | None) -> list[str]:
+def warnings(result: WalkResult, comparison: Comparison, metrics: WalkMetrics, fit: OffsetFit | None) -> list[str]:
     """What in `comparison` and its `walk_metrics` does not look like one person walking over one plate.
 
     Sentences, each with the likely cause; `fit` is that of the offsets, if there was one.
@@ -281,7 +281,7 @@ def doubts(result: WalkResult, comparison: Comparison, metrics: WalkMetrics, fit
     scuffs = [{"start_s": scuff.start_s, "peak_bw": vertical[
         (time >= scuff.start_s) & (time <= scuff.end_s)].max(initial=0.0) / weight}
         for scuff in find_scuffs(time, vertical) if scuff.complete]
-    return say("doubts", peak_bw=float(np.mean(peaks)) / weight if peaks else None, usual_bw=USUAL_PEAK_BW,
+    return say("warnings", peak_bw=float(np.mean(peaks)) / weight if peaks else None, usual_bw=USUAL_PEAK_BW,
                heading_deg=metrics.heading_deg, apart_m=np.median(apart) if apart.size else None,
                far_m=FAR_COP_FL * result.foot_length_m, r2=metrics.grf_r2, fit=fit,
                scuffs=[scuff for scuff in scuffs if scuff["peak_bw"] > SCUFF_BW])

@@ -13,8 +13,8 @@ from vsf_drake.analysis.metrics import agreement
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.many.cases import software
-from vsf_drake.simulation.many.run import WalkOutcome
+from vsf_drake.simulation.batch.cases import software
+from vsf_drake.simulation.batch.run import WalkOutcome
 from vsf_drake.simulation.variables import Variable
 
 SCORES = {
@@ -195,7 +195,7 @@ def sweep_table(
                       "in_the_model": v.default} for name, v in variables.items()},
             **{name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in SCORES.items()},
             "failure": {"meaning": "why there are no scores; empty if there are"},
-            "notes": {"meaning": "doubts about the walk, with | between them"}},
+            "notes": {"meaning": "warnings about the walk, with | between them"}},
         trials=tuple(_swept_trial(name, trial, [row for row in rows if row.trial == name], varied,
                                   measured_peaks.get(name)) for name, trial in trials.items())), rows
 

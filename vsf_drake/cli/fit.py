@@ -13,7 +13,7 @@ from vsf_drake.cli.app import Out, app, interrupted, path, print_text, say, warn
 from vsf_drake.errors import FitError, InputError
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.contact_fit.table import FitTable, TrialRow
+    from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow
 
 JOINT, PAPER = "joint", "paper"
 
@@ -108,7 +108,7 @@ def print_fit(table: FitTable) -> None:
                parameter_rows=_parameter_rows(table), smooth=smooth_errors(table))
 
 
-def _trial_rows(trials: Sequence[TrialRow]) -> list[Sequence[str]]:
+def _trial_rows(trials: Sequence[FitTrialRow]) -> list[Sequence[str]]:
     """Headings over several lines, and trials; where the sweep is wrong, its best position says so."""
     from vsf_drake.report.fit_output import HEADINGS, told_columns, trial_cells
 

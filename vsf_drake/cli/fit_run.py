@@ -37,7 +37,7 @@ _SEARCHED, _SCORED, _REFITTED = 0.6, 0.85, 0.95
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
+class FitTask:
     """A fit that can be done."""
 
     problem: ContactFit
@@ -57,7 +57,7 @@ def make_task(
     trials: list[Trial], held_out: list[Trial], *, bench_file: Path | None, strategy: str, seed: int,
     starts: int | None, solver: str | None, free: Sequence[str], freeze: Sequence[str], resultant: bool, cop: bool,
     paths: bool, damping_by_zone: bool, quick: bool
-) -> Task:
+) -> FitTask:
     """What the command's options ask for, after making sure, before the long part, that all of it can be fitted."""
     bench = None if bench_file is None else load_measured_bench(bench_file)
     asked: dict[str, object] = {"seed": seed, "free": tuple(free), "freeze": tuple(freeze), "paths": paths,
@@ -86,7 +86,7 @@ def make_task(
                                      damping_by_zone=damping_by_zone, paths=paths)
     problem = ContactFit(trials, bench=bench, options=options, walker=walker,
                          parameters=with_frozen(parameters, free, freeze))
-    return Task(problem=problem, quick=quick, held_out=held_out,
+    return FitTask(problem=problem, quick=quick, held_out=held_out,
                 inputs={} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
                 options={**asked, "quick": quick, "bench": None if bench_file is None else bench_file.name})
 
@@ -107,7 +107,7 @@ class Checkpoint:
             self.note = (f"{path} is left by an interrupted fit, which this one replaces; --resume would have gone on "
                          "from it")
 
-    def begin(self, task: Task) -> None:
+    def begin(self, task: FitTask) -> None:
         """Takes the folder, once: what an earlier fit left goes, and fit.json says that this one has not ended."""
         if self.began:
             return
@@ -131,7 +131,7 @@ class Checkpoint:
         return " before the fit began; nothing was written"
 
 
-def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> FitTable:
+def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
     """Fits, judges and writes to `out`; the table, whether the fit succeeded or not."""
     with progress() as show:
         def judging(what: str, share: float) -> None:
@@ -157,7 +157,7 @@ def run_task(task: Task, out: Path, checkpoint: Checkpoint) -> FitTable:
         return table
 
 
-def _solved(task: Task, checkpoint: Checkpoint, show: Callable[[str, float], None]) -> ContactFitSolution:
+def _solved(task: FitTask, checkpoint: Checkpoint, show: Callable[[str, float], None]) -> ContactFitSolution:
     highest = 0.0
 
     def tell(what: str, share: float) -> None:

@@ -71,7 +71,7 @@ def import_trials(
     if list_markers is not None:
         _list_markers(list_markers, up=up, forward=forward, length_unit=length_unit)
         return
-    from vsf_drake.analysis.intake import IntakeOptions, gather, take_in
+    from vsf_drake.analysis.import_walks import ImportOptions, gather, import_walks
     from vsf_drake.motion.manifest import Window, load_stated_subject
     from vsf_drake.motion.markers.person_facts import PersonFacts
     from vsf_drake.report.import_outputs import IMPORT, write_import
@@ -93,7 +93,7 @@ def import_trials(
         prosthetic_side=prosthetic_side, sex=sex, mass_kg=mass_kg, stature_m=stature_m,
         name=PersonFacts.name if name is None else name), {})
     IMPORT.check(out)
-    options = IntakeOptions(
+    options = ImportOptions(
         person=person, stated=stated, marker_map=marker_map, fulcrum_mm=tuple(fulcrum_mm or ()),
         laboratory={"up": up, "forward": forward, "length_unit": length_unit}, hip=hip,
         cutoff_hz=None if already_filtered else cutoff_hz, longest_gap_s=longest_gap_s,
@@ -101,10 +101,10 @@ def import_trials(
         window=None if window is None else Window(start_s=window[0], end_s=window[1]),
         belt_speed_m_per_s=belt_speed_m_per_s, scale_prosthesis=scale_prosthesis, inverse_kinematics=ik)
     with progress() as show:
-        intake = take_in(gather(files[0], files[1:], forces or ()), options, progress=show)
+        imported = import_walks(gather(files[0], files[1:], forces or ()), options, progress=show)
         show("writing the report", 0.95)
-        write_import(intake, out)
-    _finish(IMPORT.kind, intake.items, intake.failures, out)
+        write_import(imported, out)
+    _finish(IMPORT.kind, imported.items, imported.failures, out)
 
 
 @app.command()

@@ -78,7 +78,7 @@ def sweep(
     from vsf_drake.analysis.offsets import fit_offsets as offsets_of
     from vsf_drake.analysis.sweep_table import sweep_table
     from vsf_drake.report.outputs import check_sweep_folder, write_sweep, write_sweep_figure
-    from vsf_drake.simulation.many import WalkCase, grid_values, sample_values, simulate_many
+    from vsf_drake.simulation.batch import WalkCase, grid_values, sample_values, simulate_batch
     from vsf_drake.simulation.walk import MAX_STEP_S
 
     if out is None:
@@ -117,7 +117,7 @@ def sweep(
              for name, trial in loaded.items() for mm in positions or (None,) for values in sets]
     varied = {item.name: variables[item.name] for item in axes}
     try:
-        outcomes = simulate_many(cases, workers=workers, cache=out / "cache", progress=True)
+        outcomes = simulate_batch(cases, workers=workers, cache=out / "cache", progress=True)
         with progress() as show:
             table, rows = sweep_table(outcomes, loaded, variables=varied, fulcrum=bool(positions), plan=plan,
                                       show=lambda f: show("comparing", f))

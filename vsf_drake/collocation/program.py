@@ -236,7 +236,7 @@ def _settings(solver: SolverId, chosen: Mapping[str, float | int | str]) -> Solv
 
 def _residual(scaled: Scaled, at: Linearised) -> float:
     """First-order residual at a point, with the multipliers of the step that would follow."""
-    room, usual = scaled.slacks(at), max(float(np.mean(at.diagonal)), 1e-8)
+    slacks, usual = scaled.slacks(at), max(float(np.mean(at.diagonal)), 1e-8)
     kkt = Kkt(scaled, at, np.full(len(at.x), 1e-3 * usual))
-    step = find_step(kkt, equations=at.equations, room=room, likely=np.flatnonzero(room < PRESSED))
+    step = find_step(kkt, equations=at.equations, slacks=slacks, likely=np.flatnonzero(slacks < PRESSED))
     return optimality(scaled, at, step)

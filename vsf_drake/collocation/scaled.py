@@ -159,12 +159,12 @@ class Scaled:
         return slope / self.problem.cost_scale, bend / self.problem.cost_scale
 
     def slacks(self, at: Point) -> np.ndarray:
-        """Room of all inequalities at a point: x above low, below high, limited outputs above low, below high; infinite
-        where there is no such inequality, and for fixed variables."""
+        """Slacks of all inequalities at a point: x above low, below high, limited outputs above low, below high;
+        infinite where there is no such inequality, and for fixed variables."""
         low, high = at.x - self.low, self.high - at.x
         low[self.fixed] = high[self.fixed] = np.inf
         limits = at.limited - self.limit_low, self.limit_high - at.limited
-        return np.concatenate([low, high, *(room.ravel() for room in limits)])
+        return np.concatenate([low, high, *(slacks.ravel() for slacks in limits)])
 
     def violations(self, at: Point) -> np.ndarray:
         """Violations >= 0 of linear equations (L), equations (N E), then all inequalities as in `slacks`."""

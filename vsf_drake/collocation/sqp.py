@@ -19,7 +19,7 @@ import numpy as np
 from vsf_drake.collocation.problem import TrajectoryProblem
 from vsf_drake.collocation.scaled import Linearised, Point, Scaled
 from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution, finished
-from vsf_drake.collocation.step import Kkt, Step, find_step, normals, optimality, room_changes
+from vsf_drake.collocation.step import Kkt, Step, find_step, normals, optimality, slack_changes
 from vsf_drake.schema import check, quantity
 
 Progress = Callable[[Iteration], None]
@@ -62,7 +62,7 @@ def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions 
           progress: Progress | None = None) -> TrajectorySolution:
     """Solves a trajectory problem from a start, which is moved into the bounds; an interrupt (Ctrl-C) ends it with the
     last iterate. InputError where the start has another shape than the problem, or the function no value there."""
-    search = _Search(problem, start, options or CollocationOptions(), progress)
+    search = _SqpSearch(problem, start, options or CollocationOptions(), progress)
     try:
         status, message = search.run()
     except KeyboardInterrupt:
@@ -71,7 +71,7 @@ def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions 
                     solver="gauss_newton_sqp", began=search.began, history=tuple(search.history))
 
 
-class _Search:
+class _SqpSearch:
     """The merit is cost + sum of weight * violation, a weight for each equation and inequality above its multiplier:
     then it is exact (l1), and a step of the quadratic program is a direction in which it falls."""
 
@@ -152,7 +152,7 @@ class _Search:
 
     def _step(self, kkt: Kkt) -> Step:
         likely = np.zeros(0, dtype=int) if self.step is None else self.step.pressed
-        self.step = find_step(kkt, equations=self.at.equations, room=self.scaled.slacks(self.at), likely=likely)
+        self.step = find_step(kkt, equations=self.at.equations, slacks=self.scaled.slacks(self.at), likely=likely)
         return self.step
 
     def _advance(self, kkt: Kkt, step: Step) -> bool:
@@ -182,8 +182,8 @@ class _Search:
 
         # By how much the merit would fall if the linearisation were exact: equations are met, and of the inequalities
         # is left what the elastic program left.
-        room = self.scaled.slacks(self.at) + room_changes(self.scaled, self.at, step.change)
-        left = self.weights[len(self.weights) - len(room):] @ np.maximum(-room, 0.0)
+        slacks = self.scaled.slacks(self.at) + slack_changes(self.scaled, self.at, step.change)
+        left = self.weights[len(self.weights) - len(slacks):] @ np.maximum(-slacks, 0.0)
         promised = step.predicted + float(self.weights @ self.scaled.violations(self.at) - left)
         noise = NOISE * (1.0 + abs(before))
 
@@ -217,8 +217,8 @@ class _Search:
         conditions = scaled.equations
         # c(x + d) - A d in place of c(x): a step that meets this leaves of the curved equations what is of third order.
         bent = full.equations - np.einsum("nez,nz->ne", at.by_z[:, :conditions], z) - at.by_p[:, :conditions] @ p
-        room = scaled.slacks(full) - room_changes(scaled, at, step.change)
-        again = find_step(kkt, equations=bent, room=room, likely=step.pressed)
+        slacks = scaled.slacks(full) - slack_changes(scaled, at, step.change)
+        again = find_step(kkt, equations=bent, slacks=slacks, likely=step.pressed)
         return scaled.linearised(self._moved(again.change))
 
     def _moved(self, change: np.ndarray) -> np.ndarray:
@@ -249,7 +249,7 @@ class _Search:
         for _ in range(MENDINGS):
             own, mixed, shared = at.hessian
             bare = dataclasses.replace(at, gradient=0.0 * at.gradient, hessian=(0.0 * own, 0.0 * mixed, 0.0 * shared))
-            step = find_step(Kkt(scaled, bare, self.share), equations=at.equations, room=scaled.slacks(at),
+            step = find_step(Kkt(scaled, bare, self.share), equations=at.equations, slacks=scaled.slacks(at),
                              likely=likely)
             least = scaled.violations(at).sum()
             # Armijo's rule for the sum of violations, which a full step would bring to 0 if they were linear.
@@ -325,9 +325,9 @@ def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     own, mixed, shared = at.hessian
 
     # H += w b b', g += w b s for a slack s with slope b: a spring that is at rest where the slack is 0.
-    across, room = normals(scaled, at, step.pressed), scaled.slacks(at)[step.pressed]
+    across, slacks = normals(scaled, at, step.pressed), scaled.slacks(at)[step.pressed]
     weight = STIFF * np.abs(at.diagonal).max(initial=0.0)
     by_z, by_p = scaled.split(across)
     hessian = (own + weight * (by_z @ by_z.transpose(0, 2, 1)), mixed + weight * (by_z @ by_p.T),
                shared + weight * (by_p @ by_p.T))
-    return dataclasses.replace(at, hessian=hessian, gradient=at.gradient + weight * (across @ room))
+    return dataclasses.replace(at, hessian=hessian, gradient=at.gradient + weight * (across @ slacks))

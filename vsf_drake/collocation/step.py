@@ -142,7 +142,7 @@ class Step:
     predicted: float  # decrease of the cost in the quadratic model, without damping
 
 
-def room_changes(scaled: Scaled, at: Linearised, change: np.ndarray) -> np.ndarray:
+def slack_changes(scaled: Scaled, at: Linearised, change: np.ndarray) -> np.ndarray:
     """By how much the linearised slacks grow with a change (N Z + P,) of x."""
     z, p = scaled.split(change)
     limits = np.einsum("ncz,nz->nc", at.by_z[:, scaled.equations:], z) + at.by_p[:, scaled.equations:] @ p
@@ -170,21 +170,21 @@ def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
     return slopes
 
 
-def find_step(kkt: Kkt, *, equations: np.ndarray, room: np.ndarray, likely: np.ndarray) -> Step:
-    """The step at the linearisation of `kkt`: equations (N, E) are what it is to bring to 0, room the slacks, there or
-    after a first step, and `likely` the inequalities (indices) to begin with."""
+def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np.ndarray) -> Step:
+    """The step at the linearisation of `kkt`: equations (N, E) are what it is to bring to 0, slacks the slacks, there
+    or after a first step, and `likely` the inequalities (indices) to begin with."""
     scaled, at, n = kkt.scaled, kkt.at, kkt.variables
 
     # d0, which no inequality holds, and the slacks that it would leave.
     aim = np.concatenate([-at.gradient * kkt.free, -at.linear, -equations.ravel()])
     base = kkt.solve(aim)
-    still = room_changes(scaled, at, base[:n])
+    still = slack_changes(scaled, at, base[:n])
 
-    # Inequalities join until none is broken. Those of the set have slacks room + B'd0 + B'W l, so that l solves
-    #     minimise  1/2 l' (B'W) l + (room + B'd0)' l      subject to  0 <= l <= MOST_PRESSURE
-    which, pressure = likely[np.isfinite(room[likely])], np.zeros(0)
+    # Inequalities join until none is broken. Those of the set have slacks slacks + B'd0 + B'W l, so that l solves
+    #     minimise  1/2 l' (B'W) l + (slacks + B'd0)' l      subject to  0 <= l <= MOST_PRESSURE
+    which, pressure = likely[np.isfinite(slacks[likely])], np.zeros(0)
     answers, slopes, unknowns = np.zeros((kkt.size, 0)), np.zeros((n, 0)), base  # W, B, d0 + W l
-    new, after = which, room + still
+    new, after = which, slacks + still
     for _ in range(ROUNDS):
         if len(new):
             added = normals(scaled, at, new)
@@ -193,17 +193,17 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, room: np.ndarray, likely: np.n
             answers, slopes = np.hstack([answers, kkt.roughly(right)]), np.hstack([slopes, added])
             matrix = slopes.T @ answers[:n]
             start = np.concatenate([pressure, np.zeros(len(which) - len(pressure))])
-            pressure = box_minimum(0.5 * (matrix + matrix.T), room[which] + still[which], MOST_PRESSURE, start)
+            pressure = box_minimum(0.5 * (matrix + matrix.T), slacks[which] + still[which], MOST_PRESSURE, start)
             unknowns = base + answers @ pressure
-            after = room + room_changes(scaled, at, unknowns[:n])
-        broken = np.setdiff1d(np.flatnonzero(np.isfinite(room) & (after < -BROKEN)), which)
+            after = slacks + slack_changes(scaled, at, unknowns[:n])
+        broken = np.setdiff1d(np.flatnonzero(np.isfinite(slacks) & (after < -BROKEN)), which)
         if not len(broken):
             break
         new = broken[np.argsort(after[broken])[:AT_ONCE]]
         which = np.concatenate([which, new])
     held = pressure > 0.0
     if held.any():
-        unknowns, pressure = _sharpened(kkt, aim, slopes, answers, pressure, room[which])
+        unknowns, pressure = _sharpened(kkt, aim, slopes, answers, pressure, slacks[which])
 
     # What the model promises: -(g'd + 1/2 d'H d), by blocks.
     change = unknowns[:n]
@@ -216,7 +216,7 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, room: np.ndarray, likely: np.n
 
 
 def _sharpened(kkt: Kkt, aim: np.ndarray, slopes: np.ndarray, answers: np.ndarray, pressure: np.ndarray,
-               room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+               slacks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The unknowns with the refined solve, and pressures with which what presses is held to rounding."""
     n, tight = len(slopes), (pressure > 0.0) & (pressure < MOST_PRESSURE)
     matrix = slopes[:, tight].T @ answers[:n, tight]
@@ -224,7 +224,7 @@ def _sharpened(kkt: Kkt, aim: np.ndarray, slopes: np.ndarray, answers: np.ndarra
         right = aim.copy()
         right[:n] += slopes @ pressure
         unknowns = kkt.solve(right)
-        off = (room + slopes.T @ unknowns[:n])[tight]
+        off = (slacks + slopes.T @ unknowns[:n])[tight]
         if last or np.abs(off).max(initial=0.0) <= BROKEN:
             break
         # Slacks that are left grow by (B'W) dl: one Newton step brings them to 0, unless a pressure would turn.

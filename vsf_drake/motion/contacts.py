@@ -56,7 +56,7 @@ a foot rolls from heel to toe by 0.5 or so."""
 
 
 @dataclass(frozen=True)
-class Contact:
+class PlateContact:
     """One stretch of load on one plate."""
 
     plate: str  # its name
@@ -66,7 +66,7 @@ class Contact:
     start_seen: bool  # whether that lies inside the record
     end_seen: bool
     distance_m: float = np.nan  # median of the centre of pressure from the nearest heel-toe line; NaN where unknown
-    doubt: str | None = None  # why it should not be trusted
+    warning: str | None = None  # why it should not be trusted
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Assignment:
     """The forces on each foot."""
 
     plates: dict[str, PlateRecording]  # by side, over the whole force record; a side without any contact is missing
-    contacts: tuple[Contact, ...]  # in order of time
+    contacts: tuple[PlateContact, ...]  # in order of time
     unmeasured: dict[str, tuple[Span, ...]]
     """By side, when the foot stands on ground that no plate measures (or shares a plate with the other foot), 0.05 s
     wider: the force is not known there, though `plates` says zero."""
@@ -82,7 +82,7 @@ class Assignment:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Load(Contact):
+class _Load(PlateContact):
     """A load on one plate, or a part of one, and the foot it was given to (None: neither, or both at once)."""
 
     of: Plate
@@ -128,9 +128,9 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
     sums = {side: _on_one_foot(force_s, plates, mine) for side, mine in owned.items()
             if not all(load.scuff for load in mine)}
     record = max(float(force_s[0]), float(time_s[0])), min(float(force_s[-1]), float(time_s[-1]))
-    missing, doubts = _unmeasured(parts, stances, record)
-    contacts = [Contact(**{key: getattr(load, key) for key in Contact.__dataclass_fields__} | {
-        "doubt": "; ".join(filter(None, (load.doubt, doubts.get(i)))) or None})
+    missing, warnings = _unmeasured(parts, stances, record)
+    contacts = [PlateContact(**{key: getattr(load, key) for key in PlateContact.__dataclass_fields__} | {
+        "warning": "; ".join(filter(None, (load.warning, warnings.get(i)))) or None})
         for i, load in enumerate(parts) if not load.scuff]
     for contact in contacts:
         notes += say("feet", "contact", c=contact)
@@ -252,7 +252,7 @@ def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Lo
     overlap = min(load.end_s, floor.time_s[-1]) - max(load.start_s, floor.time_s[0])
     rows = _rows(load, floor, THRESHOLD_N if load.scuff else LIGHT_N)
     if overlap <= 0.0 or (overlap < SHARED_S and not load.scuff):
-        return [replace(load, doubt=say("feet", "unseen")[0], side=stated, in_view=False)]
+        return [replace(load, warning=say("feet", "unseen")[0], side=stated, in_view=False)]
     if len(rows) < 3:
         return [_by_time(load, floor, stated)]
     times, points = load.time_s[rows], load.of.cop_m[rows, :2]
@@ -264,29 +264,29 @@ def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Lo
         distance, nearer = (float(np.median(apart[s][0])) for s in (side, turns[0][2]))
         if stated is not None and (len(turns) > 1 or stated != turns[0][2] or distance > FAR_M):
             other = next(s for s in SIDES if s != stated) if len(turns) > 1 else turns[0][2]
-            [doubt] = say("feet", "contradicted", stated=stated, distance_m=distance, other=other,
+            [warning] = say("feet", "contradicted", stated=stated, distance_m=distance, other=other,
                           nearer_m=float(np.median(apart[other][0])))
-            return [replace(load, doubt=doubt, side=stated, distance_m=distance, contradicted=True)]
+            return [replace(load, warning=warning, side=stated, distance_m=distance, contradicted=True)]
         return [_judged(load, side, nearer, apart[side][1])]
     distances = [float(np.median(apart[side][0][first:last + 1])) for first, last, side in turns]
     if max(distances) > FAR_M:
-        [doubt] = say("feet", "far", distance_m=max(distances), partly=True)
-        return [replace(load, doubt=doubt, distance_m=max(distances))]
-    [doubt] = say("feet", "shared")
-    return [replace(load, doubt=doubt, start_s=load.start_s if first == 0 else float(times[first]), shared=True,
+        [warning] = say("feet", "far", distance_m=max(distances), partly=True)
+        return [replace(load, warning=warning, distance_m=max(distances))]
+    [warning] = say("feet", "shared")
+    return [replace(load, warning=warning, start_s=load.start_s if first == 0 else float(times[first]), shared=True,
                     end_s=load.end_s if last == len(times) - 1 else float(times[last + 1]), distance_m=distance)
             for (first, last, _), distance in zip(turns, distances, strict=True)]
 
 
 def _judged(load: _Load, side: str, distance: float, along: np.ndarray) -> _Load:
     if distance > FAR_M:
-        return replace(load, doubt=say("feet", "far", distance_m=distance, partly=False)[0], distance_m=distance)
-    doubts = say("feet", "beside", distance_m=distance) if distance > BESIDE_M else []
+        return replace(load, warning=say("feet", "far", distance_m=distance, partly=False)[0], distance_m=distance)
+    warnings = say("feet", "beside", distance_m=distance) if distance > BESIDE_M else []
     third = len(along) // 3
     if (load.start_seen and load.end_seen and third > 3
             and float(np.median(along[-third:]) - np.median(along[:third])) < REVERSED):
-        doubts += say("feet", "reversed")
-    return replace(load, side=side, distance_m=distance, doubt="; ".join(doubts) or None)
+        warnings += say("feet", "reversed")
+    return replace(load, side=side, distance_m=distance, warning="; ".join(warnings) or None)
 
 
 def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
@@ -297,7 +297,7 @@ def _by_time(load: _Load, floor: _FeetOnFloor, stated: str | None) -> _Load:
                          + abs(s.end_s - load.end_s) * (s.end_seen and load.end_seen)
                          + 10.0 * (min(s.end_s, load.end_s) <= max(s.start_s, load.start_s))
                          for s in floor.stances[side]), default=np.inf) for side in SIDES}
-    return replace(load, doubt=say("feet", "by_time")[0], side=stated or min(SIDES, key=lambda s: misfit[s]))
+    return replace(load, warning=say("feet", "by_time")[0], side=stated or min(SIDES, key=lambda s: misfit[s]))
 
 
 def _turns(nearest: np.ndarray, times: np.ndarray) -> list[tuple[int, int, str]]:
@@ -329,7 +329,7 @@ def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> 
         pulled |= both & on & ~elsewhere
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     shared = np.count_nonzero(pulled) * step >= SHARED_S
-    return replace(load, doubt=say("feet", "shared")[0], side=None, shared=True) if shared else load
+    return replace(load, warning=say("feet", "shared")[0], side=None, shared=True) if shared else load
 
 
 def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
@@ -397,9 +397,10 @@ def _with_tails(load: _Load) -> Span:
 
 def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
                 record: Span) -> tuple[dict[str, tuple[Span, ...]], dict[int, str]]:
-    """By side, stances of which some part is on no plate; and doubts about loads that cover them in part, by index."""
+    """By side, stances of which some part is on no plate; and warnings about loads that cover them in part, by
+    index."""
     missing: dict[str, tuple[Span, ...]] = {}
-    doubts: dict[int, str] = {}
+    warnings: dict[int, str] = {}
     for side in SIDES:
         spans = [(load.start_s, load.end_s) for load in loads if load.shared
                  and any(min(load.end_s, s.end_s) > max(load.start_s, s.start_s) for s in stances[side])]
@@ -416,7 +417,7 @@ def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
                 continue
             ends = [(start, end), *covering.values()]
             spans.append((min(a for a, _ in ends), max(b for _, b in ends)))
-            doubts |= dict.fromkeys(covering, say("feet", "part", gap_s=gap)[0])
+            warnings |= dict.fromkeys(covering, say("feet", "part", gap_s=gap)[0])
 
         merged: list[Span] = []
         for a, b in sorted((max(a - WIDEN_S, record[0]), min(b + WIDEN_S, record[1])) for a, b in spans):
@@ -425,4 +426,4 @@ def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
             elif b > a:
                 merged.append((a, b))
         missing[side] = tuple(merged)
-    return missing, doubts
+    return missing, warnings

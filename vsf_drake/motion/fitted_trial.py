@@ -103,8 +103,8 @@ def _trajectory(trial: Trial, contact: FittedContact, own: FittedTrial | None) -
         return motion
     motion.ordered(list(dict(added)))  # names what is missing
     sums = np.zeros_like(motion.values)
-    for name, course in added:
-        sums[:, motion.names.index(name)] += course
+    for name, perturbation in added:
+        sums[:, motion.names.index(name)] += perturbation
     return CoordinateTrajectory(time, motion.values + sums, motion.names, source=motion.source)
 
 

@@ -36,7 +36,7 @@ def read_kinematics(storage: Storage, *, prosthetic_side: str,
     Pelvis, hip flexion, knee angle and the intact ankle angle are required; of the rest, what is missing is zero and
     noted. The knees are flipped, and that is noted, where flexion is negative in the file.
     """
-    time, doubts = check_clock(storage.time_s, storage.lines, storage.path, rows=SPLINE_ORDER + 1)
+    time, warnings = check_clock(storage.time_s, storage.lines, storage.path, rows=SPLINE_ORDER + 1)
     if storage.in_degrees is None and unit is None:
         raise InputError("the header does not say whether angles are in degrees", file=storage.path,
                          where="inDegrees", right="Add `kinematics_unit: degrees` (or radians) to the manifest")
@@ -66,7 +66,7 @@ def read_kinematics(storage: Storage, *, prosthetic_side: str,
     _check_angles(storage, angles, labels, degrees=degrees)
     if degrees:
         values.update((n, np.radians(v)) for n, v in angles.items())
-    notes = [*storage.notes, *doubts, *_turn_knees(storage, values)]
+    notes = [*storage.notes, *warnings, *_turn_knees(storage, values)]
     notes += say("trial", "kinematics", file=storage.path.name, missing=[n for n in names if n not in values],
                  step_s=0.0 if time is storage.time_s else time[1] - time[0])
     table = np.column_stack([values.get(n, np.zeros(len(time))) for n in names])
@@ -192,7 +192,7 @@ def read_plate(storage: Storage, prefix: str, *, mass_kg: float) -> tuple[PlateR
     where it is not vertical, or the point not on the ground, the centre of pressure is moved so that force, centre and
     free moment together are the same load.
     """
-    time, doubts = check_clock(storage.time_s, storage.lines, storage.path)
+    time, warnings = check_clock(storage.time_s, storage.lines, storage.path)
     columns = opensim_columns(prefix, storage.names)
     force = np.column_stack([storage.column(name, most=np.inf) for name in columns.force])
     _check_force(storage, prefix, force, mass_kg)
@@ -205,7 +205,7 @@ def read_plate(storage: Storage, prefix: str, *, mass_kg: float) -> tuple[PlateR
         cop[loaded], moment[loaded] = floor_load(*(os_to_world(v[loaded]) for v in (point, force, torque)))
         height = float(np.median(point[loaded, 1])) if loaded.any() else 0.0
     notes = say("trial", "plate", prefix=prefix, torque=any(columns.torque), cop=has_cop, height_m=height)
-    return PlateRecording(time, os_to_world(force), cop, moment, has_cop), [*doubts, *notes]
+    return PlateRecording(time, os_to_world(force), cop, moment, has_cop), [*warnings, *notes]
 
 
 def _check_force(storage: Storage, prefix: str, force: np.ndarray, mass_kg: float) -> None:

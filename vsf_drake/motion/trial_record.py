@@ -14,7 +14,7 @@ import yaml
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
-from vsf_drake.motion.contacts import Assignment, Contact
+from vsf_drake.motion.contacts import Assignment, PlateContact
 from vsf_drake.motion.events import MINIMUM_S, Span, Stance, common, find_scuffs, find_stances, words
 from vsf_drake.motion.formats.recording import PlateRecording, Recording
 from vsf_drake.motion.manifest import GeometricOffsets, Window, load_manifest, named_file
@@ -44,7 +44,7 @@ class Trial:
     subject: Subject
     synthetic: bool  # constructed rather than measured
     fulcrum_m: float  # where the fulcrum stood, from the keel's posterior end A
-    start_s: float  # the window: kinematics, forces and the manifest's wish all cover it
+    start_s: float  # the window: kinematics, forces and the manifest's request all cover it
     end_s: float
     trajectory: CoordinateTrajectory  # see `motion.opensim`; over the whole recording
     plates: dict[str, PlateRecording]  # by side, over the whole recording; the prosthetic side is always there
@@ -58,7 +58,7 @@ class Trial:
     recording: Recording | None = None  # this and the rest: what a trial from markers was made of
     calibration: Calibration | None = None
     tracked: TrackedMotion | None = None
-    contacts: tuple[Contact, ...] = ()
+    contacts: tuple[PlateContact, ...] = ()
 
     @property
     def prosthetic_plate(self) -> PlateRecording:
@@ -147,19 +147,22 @@ MINIMUM_LOAD_N = 200.0
 BACKWARD_M_PER_S = -0.3
 
 
-def trial_window(path: Path, wish: Window | None, trajectory: CoordinateTrajectory, plates: dict[str, PlateRecording],
+def trial_window(path: Path, requested: Window | None, trajectory: CoordinateTrajectory, plates: dict[str,
+                                                                                                      PlateRecording],
                  subject: Subject, unmeasured: Mapping[str, Sequence[Span]] | None = None) -> tuple[Span, list[str]]:
     """The window of a trial (s), and notes on it and on the stances in it; `path` is the manifest, for messages.
 
     `unmeasured` is when, by side, a foot stands on ground that no plate measures: a model's force there would be
-    compared with zero. Without a wish, the stretch between those of the prosthetic foot that holds most of its stances
-    is taken; a wish is kept. Refused where window, kinematics and forces do not overlap, or the prosthetic foot has
+    compared with zero. Without a requested window, the stretch between those of the prosthetic foot that holds most of
+    its stances
+    is taken; a requested one is kept. Refused where window, kinematics and forces do not overlap, or the prosthetic
+    foot has
     hardly any load or less than 0.15 s of a stance, or the window is shorter than the shortest complete stance.
     """
     side = subject.prosthetic_side
     plate, stances = plates[side], {s: find_stances(one.time_s, one.force_W[:, 2]) for s, one in plates.items()}
     record = float(plate.time_s[0]), float(plate.time_s[-1])
-    window, notes = _choose_window(wish, (trajectory.start_s, trajectory.end_s), record, path,
+    window, notes = _choose_window(requested, (trajectory.start_s, trajectory.end_s), record, path,
                                    (unmeasured or {}).get(side, ()), stances[side])
     _check_stances(window, plate, stances[side], side, subject.mass_kg, path)
     for s in sorted(plates, key=lambda s: s != side):
@@ -177,22 +180,22 @@ def trial_window(path: Path, wish: Window | None, trajectory: CoordinateTrajecto
     return window, notes
 
 
-def _choose_window(wish: Window | None, kinematics: Span, forces: Span, file: Path, unmeasured: Sequence[Span],
+def _choose_window(requested: Window | None, kinematics: Span, forces: Span, file: Path, unmeasured: Sequence[Span],
                    stances: Sequence[Stance]) -> tuple[Span, list[str]]:
-    wished = (kinematics[0] if wish is None or wish.start_s is None else wish.start_s,
-              kinematics[1] if wish is None or wish.end_s is None else wish.end_s)
-    part = common(wished, kinematics)
+    span = (kinematics[0] if requested is None or requested.start_s is None else requested.start_s,
+              kinematics[1] if requested is None or requested.end_s is None else requested.end_s)
+    part = common(span, kinematics)
     if part is None:
-        raise InputError(f"the window of {words(wished)} and the kinematics of {words(kinematics)} do not overlap",
+        raise InputError(f"the window of {words(span)} and the kinematics of {words(kinematics)} do not overlap",
                          file=file, where="window")
     both = common(part, forces)
     if both is None:
         raise InputError(f"the forces of {words(forces)} and the window of {words(part)} do not overlap",
-                         file=file, where="window" if wish else "forces",
+                         file=file, where="window" if requested else "forces",
                          right="Do both recordings count time from the same instant?")
     notes = []
-    for cut, whole, to in ((part, wished, "kinematics"), (both, part, "force record")):
-        if max(abs(cut[0] - whole[0]), abs(cut[1] - whole[1])) > 1e-3 and (wish or to != "kinematics"):
+    for cut, whole, to in ((part, span, "kinematics"), (both, part, "force record")):
+        if max(abs(cut[0] - whole[0]), abs(cut[1] - whole[1])) > 1e-3 and (requested or to != "kinematics"):
             notes += say("trial", "cut", whole=whole, part=cut, to=to)
     missed = sorted(span for span in unmeasured if common(span, both))
     if not missed:
@@ -204,7 +207,7 @@ def _choose_window(wish: Window | None, kinematics: Span, forces: Span, file: Pa
     ends = [both[0], *(end for span in missed for end in span), both[1]]
     between = [(start, end) for start, end in zip(ends[::2], ends[1::2], strict=True) if end > start]
     best = max(between, key=lambda span: (held(span), span[1] - span[0]), default=None)
-    if wish is not None or best is None or held(best) < MINIMUM_S:
+    if requested is not None or best is None or held(best) < MINIMUM_S:
         best = None
     return best or both, notes + say("trial", "unmeasured", window=both, best=best, missed=missed)
 

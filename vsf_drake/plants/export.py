@@ -111,7 +111,7 @@ class Pad(NamedTuple):
     friction: CoulombFriction
 
 
-class Link(NamedTuple):
+class ExportedLink(NamedTuple):
     """A rigid body."""
 
     name: str
@@ -123,7 +123,7 @@ class Link(NamedTuple):
     pads: tuple[Pad, ...]
 
 
-def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[Link]]:
+def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[ExportedLink]]:
     """The foot of `parameters` in a plant of its own, and its links: frame, keel from A to the toe, carriage."""
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -137,14 +137,14 @@ def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[Link]]:
     return foot, [_link(plant, inspector, body, start) for body, start in zip(bodies, starts, strict=True)]
 
 
-def _link(plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody, start: float) -> Link:
+def _link(plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody, start: float) -> ExportedLink:
     inertia = body.default_spatial_inertia()
     centre = inertia.get_com()
     drawings = tuple(Drawing(
         name=inspector.GetName(i).split("::")[-1], shape=inspector.GetShape(i), X_BG=inspector.GetPoseInFrame(i),
         colour=_properties(inspector.GetIllustrationProperties(i)).GetProperty("phong", "diffuse").rgba)
         for i in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(body.index()), Role.kIllustration))
-    return Link(
+    return ExportedLink(
         name=body.name(), mass=inertia.get_mass(), p_BBcm=centre,
         moments=inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3(), p_KB=np.array([start, 0.0, 0.0]),
         drawings=drawings, pads=tuple(pad_of(inspector, i) for i in plant.GetCollisionGeometriesForBody(body)))

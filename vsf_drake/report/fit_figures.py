@@ -32,8 +32,8 @@ from vsf_drake.report.style import (
 if TYPE_CHECKING:  # these import Drake, which takes longer than to draw
     from vsf_drake.analysis.contact_fit.assessment import BenchRow, Beside, TrialScore
     from vsf_drake.analysis.contact_fit.paper import PaperState
-    from vsf_drake.analysis.contact_fit.solve import Search
-    from vsf_drake.analysis.contact_fit.table import FitTable, ParameterRow, TrialRow
+    from vsf_drake.analysis.contact_fit.solve import FitSearch
+    from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, ParameterRow
 
 LONGEST = 60
 """Letters of a trial's label in a file name."""
@@ -75,7 +75,7 @@ def fit_figures(table: FitTable) -> dict[str, Figure]:
     return figures
 
 
-def trial_name(number: int, trial: TrialRow) -> str:
+def trial_name(number: int, trial: FitTrialRow) -> str:
     """Name of the figure of a trial, the `number`-th of its table, as a file can have it."""
     return f"trial_{number + 1}_{re.sub(r'[^0-9A-Za-z._-]', '_', trial.label)[:LONGEST]}"
 
@@ -314,7 +314,7 @@ def paper_search_figure(state: PaperState) -> Figure:
     return figure
 
 
-def fit_search_figure(searches: Sequence[Search], best: int | None) -> Figure:
+def fit_search_figure(searches: Sequence[FitSearch], best: int | None) -> Figure:
     """The cost of each search, at its start and its end; a cross at the foot where the walk fails."""
     with drawing(7.6, 3.4) as figure:
         axes = figure.subplots()
@@ -343,7 +343,7 @@ def fit_search_figure(searches: Sequence[Search], best: int | None) -> Figure:
     return figure
 
 
-def fit_trial_figure(trial: TrialRow, score: TrialScore) -> Figure:
+def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
     """Of one trial, measured and of the fitted model: resultant and fore-aft force over time, and the centre of
     pressure over the first stance."""
     def off(error: float | None, unit: str) -> str:

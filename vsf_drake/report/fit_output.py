@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from vsf_drake.analysis.contact_fit.assessment import PAPER_MID_RANGE_MM, Beside, TrialScore
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
-from vsf_drake.analysis.contact_fit.table import FitTable, ParameterRow, TrialRow, fit_arrays, fit_json
+from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, ParameterRow, fit_arrays, fit_json
 from vsf_drake.contact_file import FittedContact, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
@@ -138,10 +138,10 @@ def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside) -> list[tuple[str
 
 
 def _parameter(row: ParameterRow, table: FitTable) -> tuple[str, ...]:
-    doubts = [*(["at a bound"] if row.at_bound else []),
+    warnings = [*(["at a bound"] if row.at_bound else []),
               *(["not identified"] if table.uncertainty and row.name in table.uncertainty.unidentified else [])]
     return (row.name, shown_value(row, row.value), shown_interval(row), shown_unit(row),
-            number(row.share_of_prior, "{:.0f}", 100.0), shown_value(row, row.spread_over_starts), ", ".join(doubts))
+            number(row.share_of_prior, "{:.0f}", 100.0), shown_value(row, row.spread_over_starts), ", ".join(warnings))
 
 
 def _cost(cost: float) -> str:
@@ -185,7 +185,7 @@ def synthetic_of(table: FitTable) -> list[str]:
     return [*names, *(["the bench"] if table.bench is not None and table.bench.synthetic else [])]
 
 
-def trial_cells(trial: TrialRow) -> tuple[str, ...]:
+def trial_cells(trial: FitTrialRow) -> tuple[str, ...]:
     """One trial of a fit as text; of one that was not judged, what it is."""
     score = trial.score
     if score is None:
@@ -195,7 +195,7 @@ def trial_cells(trial: TrialRow) -> tuple[str, ...]:
             *(number(value(score), form, factor) for _, value, form, factor in _SCORES), right)
 
 
-def told_columns(trials: Sequence[TrialRow]) -> list[int]:
+def told_columns(trials: Sequence[FitTrialRow]) -> list[int]:
     """Columns of `trial_cells` in which any of those trials that were judged has something to tell."""
     cells = [trial_cells(trial) for trial in trials if trial.score is not None]
     return [i for i, column in enumerate(zip(*cells, strict=True)) if {*column} != {UNKNOWN}]

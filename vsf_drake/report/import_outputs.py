@@ -11,7 +11,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vsf_drake.analysis.intake import Intake
+from vsf_drake.analysis.import_walks import ImportedWalks
 from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, worst
 from vsf_drake.analysis.recording.examine import Examined, mass_budget, person_table, trial_table
 from vsf_drake.analysis.recording.foot import flat_phase
@@ -33,31 +33,31 @@ CHECK = ResultsFolder(kind="check", command="check", table="check.json")
 _SUBJECT, _MODEL = "subject.yaml", "model.yaml"
 
 
-def write_import(intake: Intake, out: Path) -> None:
+def write_import(imported: ImportedWalks, out: Path) -> None:
     """Writes subject.yaml, a manifest with angles and forces for each walk, import.json and import.html to `out`.
 
     Every manifest is read back before anything appears in `out`.
     """
-    first = intake.items[0]
-    failures = {Path(path).name: why for path, why in intake.failures.items()}
-    shared = {_SUBJECT: first.trial.subject, **({_MODEL: first.trial.model} if intake.scaled else {})}
+    first = imported.items[0]
+    failures = {Path(path).name: why for path, why in imported.failures.items()}
+    shared = {_SUBJECT: first.trial.subject, **({_MODEL: first.trial.model} if imported.scaled else {})}
     of_walks = [{"manifest": f"{name}.yaml", **dict(zip(("kinematics", "forces"), trial_files(name), strict=True))}
-                for name in intake.names]
+                for name in imported.names]
 
     def write_files(folder: Path) -> None:
         for name, record in shared.items():
             write_text(folder / name, dump_yaml(record))
-        for item, name, files in zip(intake.items, intake.names, of_walks, strict=True):
+        for item, name, files in zip(imported.items, imported.names, of_walks, strict=True):
             write_trial_files(item.trial, folder, name)
-            write_text(folder / files["manifest"], _manifest(item.trial, files, scaled=intake.scaled))
+            write_text(folder / files["manifest"], _manifest(item.trial, files, scaled=imported.scaled))
             load_trial(folder / files["manifest"])
         write_text(folder / "import.html", import_page(
-            intake.items, title=f"Import of {first.trial.subject.name}", person=first, failures=failures))
+            imported.items, title=f"Import of {first.trial.subject.name}", person=first, failures=failures))
 
     IMPORT.write(out, {
-        "kind": "import", "mark": "unusable" if intake.failures else worst(item.mark for item in intake.items),
-        "trials": [trial_table(item) | files for item, files in zip(intake.items, of_walks, strict=True)],
-        "failures": intake.failures, **person_table(first), **provenance(intake.inputs),
+        "kind": "import", "mark": "unusable" if imported.failures else worst(item.mark for item in imported.items),
+        "trials": [trial_table(item) | files for item, files in zip(imported.items, of_walks, strict=True)],
+        "failures": imported.failures, **person_table(first), **provenance(imported.inputs),
         "files": sorted([*shared, "import.json", "import.html", *(name for files in of_walks for name in
                                                                   files.values())])},
         more=lambda folder, table: write_files(folder))

@@ -8,7 +8,7 @@ from typing import Any
 
 from vsf_drake.analysis.bench_metrics import BenchTable, bench_table
 from vsf_drake.analysis.comparison import compare
-from vsf_drake.analysis.metrics import doubts, walk_metrics
+from vsf_drake.analysis.metrics import walk_metrics, warnings
 from vsf_drake.analysis.offsets import OffsetFit
 from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
 from vsf_drake.errors import InputError
@@ -64,7 +64,7 @@ def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: Offset
     metrics = walk_metrics(result, plate, comparison=comparison)
     table = {**plain(metrics), "offsets": to_plain(result.parameters["offsets"]),
              "offset_fit": None if fit is None else to_plain(fit),
-             "doubts": doubts(result, comparison, metrics, fit), "notes": list(result.notes)}
+             "warnings": warnings(result, comparison, metrics, fit), "notes": list(result.notes)}
 
     def more(folder: Path, table: dict[str, Any]) -> None:
         save_walk(result, folder)

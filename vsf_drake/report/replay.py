@@ -79,7 +79,7 @@ def write_replay(result: WalkResult, path: str | Path, *, plate: PlateRecording 
         legend=[("#" + "".join(f"{round(255 * c):02x}" for c in colour), name) for colour, name in legend]))
 
 
-def _record_walk(meshcat: Meshcat, result: WalkResult, frames: Frames) -> MeshcatAnimation:
+def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> MeshcatAnimation:
     """Publishes the bodies and records their poses and the colours of the spheres."""
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -153,7 +153,7 @@ def _record_force(meshcat: Meshcat, animation: MeshcatAnimation, name: str, colo
             animation.SetProperty(frame, dot, "visible", frame == i)
 
 
-def _set_scene(meshcat: Meshcat, result: WalkResult, frames: Frames) -> None:
+def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> None:
     """Ground with a grid, and a camera at the prosthetic side that sees the whole path."""
     names = result.coordinate_names
     path = frames.q[:, [names.index("pelvis_tx"), names.index("pelvis_tz")]] * [1.0, -1.0]
@@ -204,7 +204,7 @@ class ForceFrames:
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
+class ReplayFrames:
     """A walk in f frames; the force on the prosthetic foot and, if there is a plate, the plate's."""
 
     rate_hz: float
@@ -215,7 +215,7 @@ class Frames:
     measured: ForceFrames | None
 
 
-def make_frames(result: WalkResult, *, plate: PlateRecording | None, rate_hz: float) -> Frames:
+def make_frames(result: WalkResult, *, plate: PlateRecording | None, rate_hz: float) -> ReplayFrames:
     """Samples `result` (and `plate`, the record under the prosthetic foot) at `rate_hz` frames a second."""
     if not 0.0 < rate_hz <= HIGHEST_RATE_HZ:
         raise InputError(f"{rate_hz:g} frames per second cannot be shown", where="frame_rate_hz",
@@ -223,7 +223,7 @@ def make_frames(result: WalkResult, *, plate: PlateRecording | None, rate_hz: fl
     start, end = float(result.time_s[0]), float(result.time_s[-1])
     time = start + np.arange(math.floor((end - start) * rate_hz + 1e-6) + 1) / rate_hz
     load = resample(time, result.time_s, result.sphere_normal_n) / (FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg)
-    return Frames(
+    return ReplayFrames(
         rate_hz=rate_hz, time_s=time, q=resample(time, result.time_s, result.q),
         sphere_load=np.clip(load, 0.0, 1.0),
         predicted=_force_frames(time, result.time_s, result.grf_W, result.cop_W),

@@ -35,7 +35,7 @@ LARGEST_DEPTH_M = 1.0
 may pass through feet that are much too soft."""
 ROUNDING = 1e-9  # least depth over the platen's travel since the first sphere that leaves a stiffness its digits
 MOST_ITERATIONS = 100
-_WITHOUT_PART = ("friction.", "socket.", "offset.", "coordinate.", "course.")
+_WITHOUT_PART = ("friction.", "socket.", "offset.", "coordinate.", "perturbation.")
 _LAW = {"stiffness": (1e-3, 1e30), "exponent": (1.0, 20.0), "rise": (-0.1, 0.1)}
 """Of a zone, with the values that mean something; those of the keel and the fulcrum likewise."""
 _KEEL = {"keel.flexural_modulus": (1e6, 1e12), "fulcrum.stiffness": (1e-3, 1e30)}

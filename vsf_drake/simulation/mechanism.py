@@ -94,7 +94,7 @@ def edited(mechanism: Mechanism, variables: Mapping[str, Variable], values: Mapp
     arrays = {name: getattr(mechanism, name).copy() for name in ("sites", "springs", "fulcrum")}
     for name, value in values.items():
         for key, array in arrays.items():
-            unit = getattr(variables[name].edit, key)
+            unit = getattr(variables[name].by_unit, key)
             if unit is not None:
                 array[...] = array + value * unit if variables[name].added else np.where(unit, value * unit, array)
     return dataclasses.replace(mechanism, **arrays)

@@ -13,6 +13,7 @@ from vsf_drake.laws.bushing import axis_force, excess
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.simulation.stepping.assembly import SITE_RECORD, SPRING_COLUMNS
+from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
 from vsf_drake.simulation.stepping.tree import (
     REST,
@@ -31,7 +32,6 @@ from vsf_drake.simulation.stepping.tree import (
     work_space,
     wrench,
 )
-from vsf_drake.simulation.stepping.ways import Edit
 
 LOADED_N = THRESHOLD_N
 """Vertical force (N) below which a centre of pressure has no meaning."""
@@ -122,7 +122,7 @@ def socket_wrench(mechanism: Mechanism, record: Record) -> np.ndarray:
 
 
 def load_sensitivity(
-    mechanism: Mechanism, record: Record, names: tuple[str, ...], edits: Sequence[Edit]
+    mechanism: Mechanism, record: Record, names: tuple[str, ...], tangents: Sequence[ParameterTangent]
 ) -> LoadSensitivity:
     """Of a record whose run carried `edits` with loads."""
     index, (q, v, constants) = mechanism.spring_index[SOCKET], _socket(mechanism, record)
@@ -131,10 +131,10 @@ def load_sensitivity(
     by_q = -k * (1.0 + stop * (np.abs(q) > constants["limit"]))
     by_v = -constants["damping"] * (1.0 + stop * (np.abs(v) > constants["rate_limit"]))
     socket = by_q[:, :, None] * record.q_by[:, index] + by_v[:, :, None] * record.v_by[:, index]
-    for p, edit in enumerate(edits):
-        if edit.springs is not None:
+    for p, by_unit in enumerate(tangents):
+        if by_unit.springs is not None:
             # The law is linear in its constants: their unit as a bushing gives the derivative.
-            unit = constants | dict(zip(SPRING_COLUMNS[:3], edit.springs[SOCKET, :3].T, strict=True))
+            unit = constants | dict(zip(SPRING_COLUMNS[:3], by_unit.springs[SOCKET, :3].T, strict=True))
             socket[:, :, p] += axis_force(q, v, **unit)
     return LoadSensitivity(names=names, load=record.load_by, socket=socket, q=record.q_by, v=record.v_by)
 
@@ -226,8 +226,8 @@ def _follow(
 # alone)
 #
 # What remains is then what the stepper, which is of the first order, leaves of the equations of the coordinates that it
-# solves for. Of a step that was cut into pieces only the last piece's rates and contact forces are known and stand for
-# all of it. All terms are cumulative (J) from the start.
+# solves for. Of a step that was cut into substeps only the last substep's rates and contact forces are known and stand
+# for all of it. All terms are cumulative (J) from the start.
 
 
 INPUTS = ("driver_work", "gravity_work", "carriage_work")

@@ -54,7 +54,7 @@ def simulate_standing(
     if not 0.0 < duration_s <= LONGEST_S:
         raise InputError(f"{duration_s:g} s is no time to stand", where="duration_s",
                          right=f"It must be above 0 and at most {LONGEST_S:g} s")
-    posture = Posture(subject, model, angles or {}, fulcrum_m=fulcrum_m)
+    posture = StandingPosture(subject, model, angles or {}, fulcrum_m=fulcrum_m)
     tilt = posture.angles["pelvis_tilt"]
     notes: list[str] = []
     for balance in () if upright else _balances(posture, tilt, notes):
@@ -74,7 +74,7 @@ def simulate_standing(
 
 
 def _let_go(
-    posture: Posture, walker: Walker, tilt: float, list_: float, duration_s: float, step_s: float,
+    posture: StandingPosture, walker: Walker, tilt: float, list_: float, duration_s: float, step_s: float,
     progress: Callable[[float], None] | None
 ) -> tuple[Walk, float]:
     """Settles the person at an attitude, nudges what is free and lets go; also the largest speed left when settled."""
@@ -87,7 +87,7 @@ def _let_go(
     return posture.run(walker, q, duration_s=duration_s, step_s=step_s, progress=progress), rest_speed
 
 
-def _balances(posture: Posture, tilt: float, notes: list[str]) -> list[Equilibrium]:
+def _balances(posture: StandingPosture, tilt: float, notes: list[str]) -> list[Equilibrium]:
     """Stable equilibria, the freest first; `notes` learns why there are no more."""
     full, least = None, (0.0, 0.0)
     try:
@@ -104,7 +104,7 @@ def _balances(posture: Posture, tilt: float, notes: list[str]) -> list[Equilibri
 
 
 def _result(
-    posture: Posture, walk: Walk, balance: Equilibrium | None, rest_speed: float, notes: list[str]
+    posture: StandingPosture, walk: Walk, balance: Equilibrium | None, rest_speed: float, notes: list[str]
 ) -> Standing:
     tree, record = walk.mechanism.tree, walk.record
     columns = [tree.index(name) for name in PELVIS_COORDINATES]
@@ -182,7 +182,7 @@ class Equilibrium:
         return ROTATIONS if len(self.free) == 2 else self.free
 
 
-class Posture:
+class StandingPosture:
     """A subject with joints held at `angles` (rad by coordinate, 0 where not named), on both feet.
 
     They may hold pelvis_tilt and pelvis_rotation; the pelvis's place and list are worked out here.

@@ -8,12 +8,14 @@
     socket.AXIS.stiffness       of a bushing axis; both signs, in their ratio
     offset.height | fore_aft | alignment    as in a manifest, added to the walk's own offsets
     coordinate.NAME             constant added to a prescribed coordinate
-    course.NAME                 the same times a function of time, of a walk that is given one (`Course`)
+    perturbation.NAME                 the same times a function of time, of a walk that is given one
+    (`MotionPerturbation`)
 
-A value enters every array in proportion, so that one set of arrays, the `Edit`, tells both how to change a
+A value enters every array in proportion, so that one set of arrays, the `ParameterTangent`, tells both how to change a
 mechanism and how its forces depend on the variable.
 
-A walk with courses follows q(t) = trajectory + coordinate shifts + sum of value * shape(t). Between the instants of its
+A walk with perturbations follows q(t) = trajectory + coordinate shifts + sum of value * shape(t). Between the instants
+of its
 steps it knows nothing of a shape: there the coordinate goes straight, as it does along the recording. The velocity
 before the first step has the rate of the shape at the start, the derivative of the quartic through five instants a
 tenth of a millisecond apart from there on: nothing is asked outside of the walk's time.
@@ -34,7 +36,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
-from vsf_drake.simulation.stepping.ways import Edit
+from vsf_drake.simulation.stepping.directions import ParameterTangent
 
 if TYPE_CHECKING:
     from vsf_drake.plants.gait import GaitDiagram
@@ -47,7 +49,7 @@ _SITE = {name: i for i, name in enumerate(SITE_COLUMNS)} | {"rise": SITE_COLUMNS
 _FOLD = 10.0  # bounds of a stiffness or damping: its own value divided and multiplied by this
 _MOST_SHIFT = 1.0  # of a coordinate, m or rad
 _LARGEST = 1e30  # of a stiffness or damping, as the contact's in the model file
-_RATE_STEP_S = 1e-4  # between the instants from which a course's rate at the start is taken, in longer walks
+_RATE_STEP_S = 1e-4  # between the instants from which a perturbation's rate at the start is taken, in longer walks
 _RATE = np.array([48.0, -36.0, 16.0, -3.0]) / 12.0
 """Of the first of five values at equal steps, from what the others differ from it."""
 
@@ -64,17 +66,17 @@ class Variable:
     minimum: float
     """Outside of this and `maximum` the model has no meaning. Those of offsets are a manifest's and those of the laws
     near the model file's; for a coordinate and the fulcrum's shift a choice, to refuse another unit."""
-    edit: Edit  # how it enters
+    by_unit: ParameterTangent  # how it enters
     maximum: float = math.inf
     added: bool = False  # to what is there; else it replaces that
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """A way in which a prescribed coordinate is changed in the course of a walk."""
+class MotionPerturbation:
+    """A way in which a prescribed coordinate is changed during a walk."""
 
-    name: str  # its variable is "course.NAME", in m or rad, 0 unless a walk's `values` say otherwise
-    coordinate: str  # the prescribed one; several courses may change the same
+    name: str  # its variable is "perturbation.NAME", in m or rad, 0 unless a walk's `values` say otherwise
+    coordinate: str  # the prescribed one; several perturbations may change the same
     shape: Callable[[np.ndarray], np.ndarray]
     """Times (n,) of the recording (s) -> (n,) what the value is times; smooth (twice differentiable), dimensionless."""
 
@@ -84,84 +86,88 @@ def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variabl
     foot, rows, springs = gait.person.foot, mechanism.sites, mechanism.springs
     variables = []
 
-    def edit(spheres: np.ndarray | slice, column: str) -> Edit:
+    def by_unit(spheres: np.ndarray | slice, column: str) -> ParameterTangent:
         unit = np.zeros_like(rows)
         unit[spheres, _SITE[column]] = 1.0
-        return Edit(sites=unit)
+        return ParameterTangent(sites=unit)
 
-    def scaled(name: str, unit: str, value: float, edit: Edit, minimum: float = 1e-3) -> Variable:
-        return Variable(name, unit, value, value / _FOLD, value * _FOLD, minimum, edit, _LARGEST)
+    def scaled(name: str, unit: str, value: float, by_unit: ParameterTangent, minimum: float = 1e-3) -> Variable:
+        return Variable(name, unit, value, value / _FOLD, value * _FOLD, minimum, by_unit, _LARGEST)
 
     for z, zone in enumerate(foot.sites.zone_names):
         of = np.flatnonzero(foot.sites.zone == z)
         k, n, b, full = map(float, rows[of[0], 4:8])
         variables += [
-            scaled(f"contact.{zone}.stiffness", "N/m^exponent", k, edit(of, "stiffness")),
-            Variable(f"contact.{zone}.exponent", "1", n, 1.0, 2.0, 1.0, edit(of, "exponent"), 20.0),
-            scaled(f"contact.{zone}.damping", "N s/m", b, edit(of, "damping"), minimum=0.0),
-            Variable(f"contact.{zone}.full_damping_depth", "m", full, 2e-4, 5e-3, 1e-6, edit(of, "full_damping_depth"),
+            scaled(f"contact.{zone}.stiffness", "N/m^exponent", k, by_unit(of, "stiffness")),
+            Variable(f"contact.{zone}.exponent", "1", n, 1.0, 2.0, 1.0, by_unit(of, "exponent"), 20.0),
+            scaled(f"contact.{zone}.damping", "N s/m", b, by_unit(of, "damping"), minimum=0.0),
+            Variable(f"contact.{zone}.full_damping_depth", "m", full, 2e-4, 5e-3, 1e-6, by_unit(of,
+                                                                                                "full_damping_depth"),
                      0.1),
-            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, edit(of, "rise"), 0.1, added=True)]
+            Variable(f"contact.{zone}.rise", "m", 0.0, -0.01, 0.01, -0.1, by_unit(of, "rise"), 0.1, added=True)]
     for name, unit, low, high, minimum, maximum in (
             ("mu_static", "1", 0.1, 1.5, 0.0, 5.0), ("mu_kinetic", "1", 0.1, 1.0, 0.0, 5.0),
             ("threshold_velocity", "m/s", 0.02, 0.5, 1e-6, 10.0)):
         variables.append(Variable(f"friction.{name}", unit, float(rows[0, _SITE[name]]), low, high, minimum,
-                                  edit(slice(len(foot.sites.radius)), name), maximum))
+                                  by_unit(slice(len(foot.sites.radius)), name), maximum))
     keel, modulus = np.zeros_like(springs), foot.parameters.keel.flexural_modulus_pa
     keel[:-6, :3] = springs[:-6, :3] / modulus
     variables.append(Variable("keel.flexural_modulus", "Pa", modulus, modulus / 2, 2 * modulus, 1e6,
-                              Edit(springs=keel), 1e12))
+                              ParameterTangent(springs=keel), 1e12))
     k = float(mechanism.fulcrum[0])
-    variables.append(scaled("fulcrum.stiffness", "N/m", k, Edit(fulcrum=mechanism.fulcrum / k)))
+    variables.append(scaled("fulcrum.stiffness", "N/m", k, ParameterTangent(fulcrum=mechanism.fulcrum / k)))
     reach = foot.parameters.fulcrum.foremost_m - foot.parameters.fulcrum.rearmost_m
     variables.append(
-        Variable("fulcrum.shift", "m", 0.0, -reach, reach, -1.0, Edit(fulcrum_shift=1.0), 1.0, added=True))
+        Variable("fulcrum.shift", "m", 0.0, -reach, reach, -1.0, ParameterTangent(fulcrum_shift=1.0), 1.0, added=True))
     for row, axis in enumerate(SOCKET_AXES, start=len(springs) - 6):
         rate, k = np.zeros_like(springs), float(springs[row, 0])
         rate[row, :2] = springs[row, :2] / k
         variables.append(scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
-                                Edit(springs=rate)))
+                                ParameterTangent(springs=rate)))
     # For searches, and the largest that a manifest takes (`motion.manifest.GeometricOffsets`).
     bounds = (0.03, 0.2), (0.06, 0.2), (math.radians(15.0), 0.53)
     for i, (name, (bound, most)) in enumerate(zip(OFFSETS, bounds, strict=True)):
         variables.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -most,
-                                  Edit(mount=np.eye(3)[i]), most, added=True))
+                                  ParameterTangent(mount=np.eye(3)[i]), most, added=True))
     variables += [_shift(f"coordinate.{name}", name) for name in gait.prescribed]
     return {variable.name: variable for variable in variables}
 
 
-def _shift(name: str, coordinate: str, course: np.ndarray | None = None, course_rate: float = 0.0) -> Variable:
+def _shift(
+    name: str, coordinate: str, perturbation: np.ndarray | None = None, perturbation_rate: float = 0.0
+) -> Variable:
     """What shifts a coordinate, in m or rad, by 0 at first."""
     length = coordinate.endswith(("_tx", "_ty", "_tz"))
     bound = 0.03 if length else math.radians(15.0)
-    edit = Edit(coordinate=coordinate, course=course, course_rate=course_rate)
-    return Variable(name, "m" if length else "rad", 0.0, -bound, bound, -_MOST_SHIFT, edit, _MOST_SHIFT, added=True)
+    by_unit = ParameterTangent(coordinate=coordinate, perturbation=perturbation, perturbation_rate=perturbation_rate)
+    return Variable(name, "m" if length else "rad", 0.0, -bound, bound, -_MOST_SHIFT, by_unit, _MOST_SHIFT, added=True)
 
 
-def course_variables(
-    courses: Sequence[Course], prescribed: Sequence[str], moments: np.ndarray
+def perturbation_variables(
+    perturbations: Sequence[MotionPerturbation], prescribed: Sequence[str], moments: np.ndarray
 ) -> dict[str, Variable]:
-    """The variables of a walk with these courses at the moments (n + 1,), by name; InputError for what is no course."""
-    if isinstance(courses, (Course, str, Mapping)) or not isinstance(courses, Sequence):
-        raise InputError(f"is a {type(courses).__name__}, no list of courses", where="courses",
-                         right="Give a list, also for one course")
+    """The variables of a walk with these perturbations at the moments (n + 1,), by name; InputError for what is no
+    perturbation."""
+    if isinstance(perturbations, (MotionPerturbation, str, Mapping)) or not isinstance(perturbations, Sequence):
+        raise InputError(f"is a {type(perturbations).__name__}, no list of perturbations", where="perturbations",
+                         right="Give a list, also for one perturbation")
     variables: dict[str, Variable] = {}
     step = min(_RATE_STEP_S, (moments[-1] - moments[0]) / 4.0)
-    for i, course in enumerate(courses):
-        if not isinstance(course, Course):
-            raise InputError(f"is a {type(course).__name__}, no Course", where=f"courses[{i}]")
-        if not isinstance(course.name, str) or not course.name.strip():
-            raise InputError(f"{course.name!r} is no name", where=f"courses[{i}].name")
-        name = f"course.{course.name}"
+    for i, perturbation in enumerate(perturbations):
+        if not isinstance(perturbation, MotionPerturbation):
+            raise InputError(f"is a {type(perturbation).__name__}, no MotionPerturbation", where=f"perturbations[{i}]")
+        if not isinstance(perturbation.name, str) or not perturbation.name.strip():
+            raise InputError(f"{perturbation.name!r} is no name", where=f"perturbations[{i}].name")
+        name = f"perturbation.{perturbation.name}"
         if name in variables:
-            raise InputError("two courses have this name", where=name)
-        if course.coordinate not in prescribed:
-            raise InputError(f"{course.coordinate!r} is not a prescribed coordinate", where=name,
-                             right=_nearest(course.coordinate, prescribed, "Prescribed are"))
-        if not callable(course.shape):
-            raise InputError(f"its shape is a {type(course.shape).__name__}, no function of time", where=name)
-        early = _sampled(course.shape, moments[0] + step * np.arange(5), name)
-        variables[name] = _shift(name, course.coordinate, _sampled(course.shape, moments, name),
+            raise InputError("two perturbations have this name", where=name)
+        if perturbation.coordinate not in prescribed:
+            raise InputError(f"{perturbation.coordinate!r} is not a prescribed coordinate", where=name,
+                             right=_nearest(perturbation.coordinate, prescribed, "Prescribed are"))
+        if not callable(perturbation.shape):
+            raise InputError(f"its shape is a {type(perturbation.shape).__name__}, no function of time", where=name)
+        early = _sampled(perturbation.shape, moments[0] + step * np.arange(5), name)
+        variables[name] = _shift(name, perturbation.coordinate, _sampled(perturbation.shape, moments, name),
                                  float(_RATE @ (early[1:] - early[0])) / step)
     return variables
 
@@ -247,18 +253,18 @@ def added(
     variables: Mapping[str, Variable], values: Mapping[str, float], prescribed: Sequence[str], count: int = 1
 ) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
     """What `values` add outside the mechanism: (3,) to the mount, m to the fulcrum, to the prescribed coordinates (p,)
-    and by courses (count, p) at the moments of the walk (m, rad), and (p,) to their rates at the first one."""
+    and by perturbations (count, p) at the moments of the walk (m, rad), and (p,) to their rates at the first one."""
     mount, slide = np.zeros(3), 0.0
-    shift, course, rate = np.zeros(len(prescribed)), np.zeros((count, len(prescribed))), np.zeros(len(prescribed))
+    shift, perturbation, rate = np.zeros(len(prescribed)), np.zeros((count, len(prescribed))), np.zeros(len(prescribed))
     for name, value in values.items():
-        edit = variables[name].edit
-        mount += value * edit.mount
-        slide += value * edit.fulcrum_shift
-        if edit.coordinate is not None:
-            column = prescribed.index(edit.coordinate)
-            if edit.course is None:
+        by_unit = variables[name].by_unit
+        mount += value * by_unit.mount
+        slide += value * by_unit.fulcrum_shift
+        if by_unit.coordinate is not None:
+            column = prescribed.index(by_unit.coordinate)
+            if by_unit.perturbation is None:
                 shift[column] += value
             else:
-                course[:, column] += value * edit.course
-                rate[column] += value * edit.course_rate
-    return mount, slide, shift, course, rate
+                perturbation[:, column] += value * by_unit.perturbation
+                rate[column] += value * by_unit.perturbation_rate
+    return mount, slide, shift, perturbation, rate

@@ -35,17 +35,17 @@ from vsf_drake.simulation.reactions import (
 )
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
-from vsf_drake.simulation.stepping.sensitivity import Carried, rest_sensitivity
+from vsf_drake.simulation.stepping.directions import ParameterTangent
+from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_sensitivity
 from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper, Torques
-from vsf_drake.simulation.stepping.ways import Edit
 from vsf_drake.simulation.variables import (
-    Course,
+    MotionPerturbation,
     added,
     check_names,
     check_number,
     check_values,
-    course_variables,
     gait_variables,
+    perturbation_variables,
 )
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Walker:
         end_s: float,
         step_s: float = DEFAULT_STEP_S,
         offsets: GeometricOffsets | None = None,
-        courses: Sequence[Course] = (),
+        perturbations: Sequence[MotionPerturbation] = (),
         values: Mapping[str, float] | None = None,
         with_respect_to: Sequence[str] = (),
         with_loads: bool = False,
@@ -105,12 +105,14 @@ class Walker:
             support_width_m: on either side of a keel joint over which the support passes from one rigid piece of the
                 keel to the next, so that derivatives by `fulcrum.shift` are continuous too; 0 at the joint itself.
             offsets: height, fore-aft and alignment of the prosthesis; none by default.
-            courses: what changes prescribed coordinates with time; each is a variable of this walk, "course.NAME".
-            values: of `variables` and courses, for this walk only; what is not named stays as the Context has it.
-            with_respect_to: names of `variables` and courses by which the prosthetic foot's reaction is differentiated,
+            perturbations: what changes prescribed coordinates with time; each is a variable of this walk,
+                "perturbation.NAME".
+            values: of `variables` and perturbations, for this walk only; what is not named stays as the Context has it.
+            with_respect_to: names of `variables` and perturbations by which the prosthetic foot's reaction is
+                differentiated,
                 exactly if the start is at rest. One costs as much as a walk, each further one a few percent of that.
             with_loads: whether the loads of joints and socket and the state are differentiated too, as the walk's
-                `load_sensitivity`; not by `coordinate` and `course` variables.
+                `load_sensitivity`; not by `coordinate` and `perturbation` variables.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others
                 start as the trajectory says, with its velocity.
             applied: torques on free coordinates. What settles before the start does so without them.
@@ -124,15 +126,15 @@ class Walker:
         moments, step_s = walk_grid(start_s, end_s, step_s)
         offsets = check_offsets(offsets)
         names = self.gait.prescribed
-        variables = self.variables | course_variables(courses, names, moments)
+        variables = self.variables | perturbation_variables(perturbations, names, moments)
         values = check_values(values, variables)
         with_respect_to = check_names(with_respect_to, variables, where="with_respect_to")
-        edits = tuple(variables[name].edit for name in with_respect_to)
-        for name, edit in zip(with_respect_to, edits, strict=True):
-            if with_loads and edit.coordinate is not None:
+        tangents = tuple(variables[name].by_unit for name in with_respect_to)
+        for name, by_unit in zip(with_respect_to, tangents, strict=True):
+            if with_loads and by_unit.coordinate is not None:
                 raise InputError(f"loads are not differentiated by {name}: it moves a prescribed coordinate",
                                  where="with_respect_to", right="Leave it out, or walk without with_loads")
-        geometry, slide, shift, course, course_rate = added(variables, values, names, len(moments))
+        geometry, slide, shift, perturbation, perturbation_rate = added(variables, values, names, len(moments))
         fulcrum = slide + fulcrum_on_grid(fulcrum_m, moments)
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
@@ -142,42 +144,45 @@ class Walker:
                       alignment=offsets.alignment_rad + geometry[2])
             mechanism = edited(gait_mechanism(self.gait, self.context), variables, values)
         trajectory.sample(moments[[0, -1]])  # a window outside the recording is told as that
-        _check_memory(moments, bytes_a_step(mechanism, by=len(edits), loads=with_loads), len(trajectory.time_s))
+        _check_memory(moments, bytes_a_step(mechanism, by=len(tangents), loads=with_loads), len(trajectory.time_s))
         stepper = Stepper(supported_over(mechanism, support_width_m))
         mechanism = stepper.mechanism
         tree = mechanism.tree
-        q = trajectory.ordered(names).sample(moments)[0] + shift + course
+        q = trajectory.ordered(names).sample(moments)[0] + shift + perturbation
         inputs = Inputs(
             time_s=moments, prescribed=np.array([tree.index(name) for name in (*names, "fulcrum")]),
             prescribed_q=np.column_stack([q, fulcrum]), fulcrum=np.array(fulcrum),
             ground=np.full(len(moments), mechanism.ground_height),
             torques=torques_on_grid(applied, free=self.free, coordinate_names=tree.coordinate_names, moments=moments))
-        compile_s = stepper.warm_up(sensitivities=bool(edits))
-        q0, v0, rest_speed, by = self._start(stepper, inputs, trajectory, initial or {}, course_rate, edits)
+        compile_s = stepper.warm_up(sensitivities=bool(tangents))
+        q0, v0, rest_speed, by = self._start(stepper, inputs, trajectory, initial or {}, perturbation_rate, tangents)
         count = len(self.gait.person.foot.sites.radius)
         measured = np.arange(len(mechanism.sites)) < count
-        carried = Carried(edits=edits, measured=measured, q0=by, loads=with_loads) if edits else None
-        record = stepper.run(inputs, q0, v0, carried=carried, progress=progress)
+        forward = None
+        if tangents:
+            forward = ForwardSensitivity(tangents=tangents, measured=measured, q0=by, loads=with_loads)
+        record = stepper.run(inputs, q0, v0, forward=forward, progress=progress)
         prosthetic, intact = (foot_reaction(record, rows, mechanism.ground_height)
                               for rows in (slice(0, count), slice(count, None)))
         return Walk(
             mechanism=mechanism, record=record, prosthetic=prosthetic, intact=intact,
-            sensitivity=reaction_sensitivity(record, prosthetic, with_respect_to) if edits else None,
-            load_sensitivity=load_sensitivity(mechanism, record, with_respect_to, edits)
-            if edits and with_loads else None,
+            sensitivity=reaction_sensitivity(record, prosthetic, with_respect_to) if tangents else None,
+            load_sensitivity=load_sensitivity(mechanism, record, with_respect_to, tangents)
+            if tangents and with_loads else None,
             commanded=q[1:], fulcrum_m=np.array(fulcrum), values=values, step_s=step_s,
-            courses={f"course.{course.name}": course.coordinate for course in courses},
+            perturbations={f"perturbation.{item.name}": item.coordinate for item in perturbations},
             wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed,
             applied_names=() if applied is None else tuple(applied.names))
 
     def _start(
         self, stepper: Stepper, inputs: Inputs, trajectory: CoordinateTrajectory, initial: Mapping[str, float],
-        rate: np.ndarray, edits: tuple[Edit, ...]
+        rate: np.ndarray, tangents: tuple[ParameterTangent, ...]
     ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
         """q0, v0 (coordinates,) at the start of `inputs`, the largest speed that was taken for rest, and dq0 (n, P).
 
         Prescribed coordinates, and free ones that the recording knows, have its position and velocity, and the `rate`
-        (prescribed,) of courses. Everything else (socket, keel, the free ones in `initial`) settles with those held.
+        (prescribed,) of perturbations. Everything else (socket, keel, the free ones in `initial`) settles with those
+        held.
         """
         tree, prescribed = stepper.mechanism.tree, self.gait.prescribed
         for name in initial:
@@ -203,9 +208,9 @@ class Walker:
         v0 = np.zeros_like(q0)
         v0[rows] = v[0]
         v0[rows[:len(prescribed)]] += rate
-        by = rest_sensitivity(tree, stepper.mechanism.forces, held.prescribed, q0, edits,
+        by = rest_sensitivity(tree, stepper.mechanism.forces, held.prescribed, q0, tangents,
                               fulcrum=float(inputs.fulcrum[0]), ground=float(inputs.ground[0])
-                              ) if edits else np.zeros((len(q0), 0))
+                              ) if tangents else np.zeros((len(q0), 0))
         return q0, v0, rest_speed, by
 
     def result(self, walk: Walk, trial: Trial, offsets: GeometricOffsets, *, energy: bool = True) -> WalkResult:
@@ -241,7 +246,8 @@ class Walker:
             foot_length_m=self.model.foot.length_m, side=self.subject.prosthetic_side, trial_name=trial.name,
             synthetic=trial.synthetic,
             parameters={"subject": to_plain(self.subject), "model": to_plain(self.model),
-                        "offsets": to_plain(offsets), "values": dict(walk.values), "courses": dict(walk.courses),
+                        "offsets": to_plain(offsets), "values": dict(walk.values),
+                        "perturbations": dict(walk.perturbations),
                         "fulcrum_m": [float(walk.fulcrum_m.min()), float(walk.fulcrum_m.max())],
                         "stepper": used},
             provenance=provenance(trial.inputs), notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)))
@@ -368,7 +374,7 @@ class Walk:
     commanded: np.ndarray  # (n, prescribed) the motion at the ends of the steps
     fulcrum_m: np.ndarray  # (n + 1,) from A, start included
     values: Mapping[str, float]  # of the variables that were asked for
-    courses: Mapping[str, str]  # the coordinate that each course changed, by variable
+    perturbations: Mapping[str, str]  # the coordinate that each perturbation changed, by variable
     step_s: float
     wall_s: float
     compile_s: float

@@ -41,7 +41,7 @@ REST_N = 1e-3  # largest force (N, N m) on socket or keel that is taken for rest
 LOAD_ROUNDS = 3
 """Each leaves a thousandth of the error in the servos' load at the start, as their stretch changes the contact."""
 KNOT_S = 2e-3
-"""Spacing (s) of the cubic pieces that hand a spline to Drake."""
+"""Spacing (s) of the cubic segments that hand a spline to Drake."""
 
 
 @dataclass(frozen=True)

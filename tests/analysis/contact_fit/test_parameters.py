@@ -258,12 +258,13 @@ def test_curves_are_the_periodic_splines_of_the_trials_own_gait_cycle(variables,
     walk = TrialMap(parameters, variables, "soft", soft)
     times = np.linspace(soft.start_s, soft.end_s, 300)
     basis = periodic_bsplines(CURVE_COEFFICIENTS)(gait_phase(soft)(times))
-    by_name = {course.name: course for course in walk.courses}
+    by_name = {perturbation.name: perturbation for perturbation in walk.perturbations}
     for angle in ANGLES:
         family = [by_name[f"curve.{angle}_r.{i}"] for i in range(CURVE_COEFFICIENTS)]
-        assert {course.coordinate for course in family} == {f"{angle}_r"}
-        np.testing.assert_allclose(np.stack([course.shape(times) for course in family], axis=1), basis, atol=1e-12)
-        np.testing.assert_allclose(sum(course.shape(times) for course in family), 1.0)
+        assert {perturbation.coordinate for perturbation in family} == {f"{angle}_r"}
+        np.testing.assert_allclose(np.stack([perturbation.shape(times) for perturbation in family], axis=1), basis,
+                                   atol=1e-12)
+        np.testing.assert_allclose(sum(perturbation.shape(times) for perturbation in family), 1.0)
 
 
 def test_paths_are_of_the_labelled_trial_alone(variables, soft):
@@ -272,15 +273,15 @@ def test_paths_are_of_the_labelled_trial_alone(variables, soft):
     values, times = parameters.values(u), np.linspace(soft.start_s, soft.end_s, 50)
     walk = TrialMap(parameters, variables, "stiff", soft)
     at = walk.at(u).values
-    paths = [course for course in walk.courses if course.name.startswith("path.")]
-    assert sorted({course.coordinate for course in paths}) == ["pelvis_tx", "pelvis_tz"]
+    paths = [perturbation for perturbation in walk.perturbations if perturbation.name.startswith("path.")]
+    assert sorted({perturbation.coordinate for perturbation in paths}) == ["pelvis_tx", "pelvis_tz"]
     basis = window_bsplines(soft.start_s, soft.end_s, PATH_COEFFICIENTS)(times)
-    for course in paths:
-        _, coordinate, i = course.name.split(".")
-        assert at[f"course.{course.name}"] == values[f"trial.stiff.path.{coordinate}.{i}"]
-        np.testing.assert_allclose(course.shape(times), basis[:, int(i)], atol=1e-12)
-    assert not [c for c in TrialMap(parameters, variables, None, soft).courses if c.name.startswith("path.")]
-    assert TrialMap(parameters, variables, None, None).courses == ()
+    for perturbation in paths:
+        _, coordinate, i = perturbation.name.split(".")
+        assert at[f"perturbation.{perturbation.name}"] == values[f"trial.stiff.path.{coordinate}.{i}"]
+        np.testing.assert_allclose(perturbation.shape(times), basis[:, int(i)], atol=1e-12)
+    assert not [c for c in TrialMap(parameters, variables, None, soft).perturbations if c.name.startswith("path.")]
+    assert TrialMap(parameters, variables, None, None).perturbations == ()
 
 
 def test_the_left_side_has_the_left_angles(variables):
@@ -292,7 +293,7 @@ def test_the_left_side_has_the_left_angles(variables):
 def test_paths_of_a_trial_whose_name_goes_on_are_not_taken(variables, soft):
     parameters = standard_parameters(variables, "right", ["walk", "walk.2"], paths=True)
     walk = TrialMap(parameters, variables, "walk", soft)
-    assert not [course.name for course in walk.courses if "2." in course.name]
+    assert not [perturbation.name for perturbation in walk.perturbations if "2." in perturbation.name]
 
 
 HEEL = ("contact.heel.force", "contact.heel.exponent")
@@ -300,7 +301,7 @@ HEEL = ("contact.heel.force", "contact.heel.exponent")
 
 @pytest.mark.parametrize(("names", "match"), [
     (["offset.hight"], "offset.hight is no parameter of a contact fit"), (["contact.toe.force"], "is no parameter"),
-    (["coordinate.knee_angle"], "is no parameter"), (["course.a"], "is no parameter"),
+    (["coordinate.knee_angle"], "is no parameter"), (["perturbation.a"], "is no parameter"),
     (["contact.damping_time"], "has no law"), (HEEL, "law of zone heel is told by half"),
     ((*HEEL, "contact.damping_time", "contact.heel.stiffness"), "set the same"),
     (["trial.soft.colour"], "is no parameter"), (["trial.soft.path.pelvis_tx.99"], "beyond the 6 coefficients"),

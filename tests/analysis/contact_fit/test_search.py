@@ -11,7 +11,7 @@ import pytest
 
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, solve
 from vsf_drake.analysis.contact_fit.options import SOLVERS
-from vsf_drake.analysis.contact_fit.solve import Search, search
+from vsf_drake.analysis.contact_fit.solve import FitSearch, search
 from vsf_drake.errors import SimulationError
 
 FREE = ("contact.forefoot.force", "offset.height", "offset.alignment")
@@ -143,7 +143,8 @@ def test_the_share_that_is_done_goes_by_the_time_of_searches_that_ended(soft, fi
         for i in range(1, 6):
             clock.now += 2.0
             progress(i, 1.0)
-        return Search(start=start, u=start, start_cost=2.0, cost=1.0, success=True, message="", evaluations=5, failed=0)
+        return FitSearch(start=start, u=start, start_cost=2.0, cost=1.0, success=True, message="", evaluations=5,
+                         failed=0)
 
     monkeypatch.setattr(searches, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     monkeypatch.setattr(searches, "_start", lambda fit, i: fit.parameters.start)

@@ -10,7 +10,7 @@ import pytest
 from vsf_drake.analysis.contact_fit import ContactFit
 from vsf_drake.analysis.contact_fit.parameters import standard_parameters
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, JointEnd, solve
-from vsf_drake.analysis.contact_fit.solve import Search, run_searches, uncertainty
+from vsf_drake.analysis.contact_fit.solve import FitSearch, run_searches, uncertainty
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.contact_file import load_contact, model_with, save_contact
 from vsf_drake.errors import FitError, SimulationError
@@ -25,7 +25,7 @@ SHORT = {"starts": 2, "screened": 2, "iterations": 30, "step_s": 2e-3}
 def ended(fit, u, **changes):
     """A solution at u, as if a search had come there."""
     at = fit.evaluate(u)
-    search = Search(start=u, u=u, start_cost=at.cost, cost=at.cost, success=True, message="done", evaluations=1,
+    search = FitSearch(start=u, u=u, start_cost=at.cost, cost=at.cost, success=True, message="done", evaluations=1,
                     failed=0)
     end = JointEnd(u=u, evaluation=at, searches=(search,), best=0,
                    uncertainty=uncertainty(fit.parameters, u, at.terms, fit.options.noise))
@@ -125,7 +125,7 @@ def test_a_converged_search_is_preferred_to_a_lower_one_that_is_not(few_free, mo
     from vsf_drake.analysis.contact_fit import solution as module  # noqa: PLC0415 (to replace one of its names)
     fit = few_free("offset.height")
     good, low = np.zeros(1), np.array([-0.2])
-    searches = tuple(Search(start=u, u=u, start_cost=1.0, cost=cost, success=success, message="as it ended",
+    searches = tuple(FitSearch(start=u, u=u, start_cost=1.0, cost=cost, success=success, message="as it ended",
                             evaluations=1, failed=0) for u, cost, success in ((low, 1.0, False), (good, 2.0, True)))
     monkeypatch.setattr(module, "run_searches", lambda *_, **__: searches)
     found = solve(fit)

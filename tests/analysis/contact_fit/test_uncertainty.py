@@ -9,7 +9,7 @@ import pytest
 
 from vsf_drake.analysis.contact_fit.options import ContactFitOptions, FitNoise
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
-from vsf_drake.analysis.contact_fit.problem import Term
+from vsf_drake.analysis.contact_fit.problem import ResidualTerm
 from vsf_drake.analysis.contact_fit.solve import NORMAL_95, SURE_SHARE, uncertainty
 from vsf_drake.errors import InputError
 
@@ -27,12 +27,14 @@ def series(by, *, times=TIMES, name="vertical", weight=None, residual=None):
     spacing = 0.01 if times is None else times[1] - times[0]
     weight = NOISE.weight(spacing) if weight is None else weight
     residual = np.zeros(len(by)) if residual is None else residual
-    return Term(name=name, trial="a", times_s=times, residual=residual, by=np.asarray(by, dtype=float), weight=weight)
+    return ResidualTerm(name=name, trial="a", times_s=times, residual=residual, by=np.asarray(by, dtype=float),
+                        weight=weight)
 
 
 def prior(count, rows=None):
     rows = range(count) if rows is None else rows
-    return Term(name="prior", trial="prior", times_s=None, residual=np.zeros(len(rows)), by=np.eye(count)[list(rows)],
+    return ResidualTerm(name="prior", trial="prior", times_s=None, residual=np.zeros(len(rows)),
+                        by=np.eye(count)[list(rows)],
                 weight=1.0)
 
 

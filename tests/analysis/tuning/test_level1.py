@@ -18,7 +18,7 @@ from vsf_drake.analysis.tuning.level1 import (
     tuning_table,
 )
 from vsf_drake.analysis.tuning.level1.solve import search
-from vsf_drake.analysis.tuning.level1.sweep import Sweep, local_minima, lowest, positions
+from vsf_drake.analysis.tuning.level1.sweep import SettingSweep, local_minima, lowest, positions
 from vsf_drake.analysis.tuning.level1.uncertainty import difference, flat_range, fulcrum_uncertainty
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.files import plain
@@ -348,8 +348,8 @@ def test_a_setting_matters_if_its_range_is_more_than_a_percent_and_than_trials_d
     """With a change of force of `change` body weights a millimetre from 108 mm."""
     each = 2.0 + curvature * (GRID - 100.0)[None, :] ** 2 + np.array([[0.0], [0.3], [0.5]])
     force = np.tile((change * (GRID - 108.0)) ** 2, (3, 1))
-    worth = fulcrum_uncertainty(Sweep(x=GRID[:, None], costs={"consistency": force}, terms={"only": each}), 100.0, (),
-                                [66.0] * 3, size=2.0, unit="J/kg", allowed_bw=0.1, gain=gain)
+    worth = fulcrum_uncertainty(SettingSweep(x=GRID[:, None], costs={"consistency": force}, terms={"only": each}),
+                                100.0, (), [66.0] * 3, size=2.0, unit="J/kg", allowed_bw=0.1, gain=gain)
     assert worth.matters is matters
     assert difference(each, [66.0] * 3).range == pytest.approx(curvature * 51.0**2)
     assert matters or worth.interval_mm == (66.0, 151.0)

@@ -14,7 +14,7 @@ from vsf_drake.analysis.validation.roll_over_section import (
     DURATION_S,
     OPPOSITE_STRIKE,
     TOE_OFF,
-    Frames,
+    RollOverFrames,
     _arm,
     _iso_row,
     fit_arc,
@@ -313,7 +313,7 @@ def test_a_free_moment_counts_as_the_two_forces_that_make_it():
     pair = ((middle + apart, np.array([30.0, 40.0, 350.0])), (middle - apart, np.array([30.0, -40.0, 350.0])))
     moment = sum(np.cross(place - ankle, force) for place, force in pair)
     time = np.array([0.0, 0.5, 1.0])
-    shank = Frames(time, np.tile(ankle, (3, 1)), np.tile(lean, (3, 1, 1)))
+    shank = RollOverFrames(time, np.tile(ankle, (3, 1)), np.tile(lean, (3, 1, 1)))
     arm = _arm(shank, SimpleNamespace(measured=Stance(0.0, 1.0)), time, np.tile([60.0, 0.0, 700.0], (3, 1)),
                np.tile(middle, (3, 1)), np.full(3, 8.0))
     assert arm == pytest.approx(-moment @ lean[:, 1] / 700.0, rel=1e-12)

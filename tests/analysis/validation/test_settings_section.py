@@ -29,7 +29,7 @@ from vsf_drake.analysis.validation.settings_section import (
 )
 from vsf_drake.analysis.validation.settings_walks import NAMES, NoiseSizes, base_of
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, KEEP, STEP_S
-from vsf_drake.simulation.many import WalkCase, simulate_many
+from vsf_drake.simulation.batch import WalkCase, simulate_batch
 
 SESSION, RECORDING, SLOPE = 0.7, 0.2, 1.5
 
@@ -182,7 +182,7 @@ def table(quick_validation):
 
 def walks_of(base, trials, positions=(0.108,)):
     cases = [WalkCase(trial=trial, fulcrum_m=x, step_s=STEP_S) for trial in trials for x in positions]
-    return [base.record(outcome) for outcome in simulate_many(cases, keep=KEEP, workers=1)]
+    return [base.record(outcome) for outcome in simulate_batch(cases, keep=KEEP, workers=1)]
 
 
 def with_options(study, **changes):

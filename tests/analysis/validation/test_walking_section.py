@@ -52,7 +52,7 @@ from vsf_drake.analysis.validation.walking_section import (
     walking_section,
 )
 from vsf_drake.report.validation.walking_chapter import walking_chapter
-from vsf_drake.simulation.many import WalkOutcome
+from vsf_drake.simulation.batch import WalkOutcome
 from vsf_drake.simulation.walk import Walker
 
 TIME = np.arange(0.0, 1.5, 1e-3)
@@ -471,8 +471,8 @@ def test_least_error_beside_a_walk_that_failed_names_no_position(errors, known):
 
 
 def test_walks_of_a_sweep_that_failed_are_unknown_and_said_with_the_reason(monkeypatch):
-    real = walking.simulate_many
-    monkeypatch.setattr(walking, "simulate_many", lambda cases, **options: [
+    real = walking.simulate_batch
+    monkeypatch.setattr(walking, "simulate_batch", lambda cases, **options: [
         WalkOutcome(case=o.case, failure="the worker runs other software") if o.case.fulcrum_m < 0.08 else o
         for o in real(cases, **options)])
     found = of_one(embedded_study().walks[0])

@@ -33,12 +33,12 @@ def test_equal_times_are_explained_where_the_last_place_is_ten_rows(tmp_path):
     """Two minutes at 1000 Hz with five digits: 0.0001 s steps before 10 s, 0.001 s before 100 s, then 0.01 s."""
     times = written("%.5g", np.arange(120_000) / 1000.0)
     assert np.count_nonzero(np.diff(times) == 0.0) > 10_000
-    rate, start, doubts = even_rate(times, np.arange(len(times)), tmp_path / "grf.sto")
+    rate, start, warnings = even_rate(times, np.arange(len(times)), tmp_path / "grf.sto")
     assert (rate, start) == (pytest.approx(1000.0, rel=1e-12), 0.0)
-    assert "written to 0.01 s where rows are 0.001 s apart" in doubts[0] and "missing row" in doubts[0]
+    assert "written to 0.01 s where rows are 0.001 s apart" in warnings[0] and "missing row" in warnings[0]
     even, more = checked(tmp_path, times)
     np.testing.assert_allclose(even, np.arange(120_000) / 1000.0, atol=1e-9)
-    assert more == [doubts[0].replace("grf.sto", "walk.mot")]
+    assert more == [warnings[0].replace("grf.sto", "walk.mot")]
 
 
 @pytest.mark.parametrize("style", ["%.5g", "%.6g", "%.3f", "%.4f"])

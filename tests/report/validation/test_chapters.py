@@ -234,9 +234,9 @@ def test_more_conditions_than_fit_side_by_side_get_more_figures(saved):
         arrays |= {key.replace("group_0_", f"group_{i}_"): value for key, value in arrays.items()
                    if key.startswith("group_0_")}
     rows = (*table.rows, replace(table.rows[0], label="a $ walk", fulcrum_mm=160.0, setting=None))
-    many = replace(table, conditions=tuple(conditions), differences=tuple(differences), rows=rows)
+    batch = replace(table, conditions=tuple(conditions), differences=tuple(differences), rows=rows)
     assert {"walking_forces_1", "walking_forces_2", "walking_paths_1", "walking_paths_2"} <= set(
-        Shown(walking_chapter(many, arrays)).alts)
+        Shown(walking_chapter(batch, arrays)).alts)
 
 
 # Energy.

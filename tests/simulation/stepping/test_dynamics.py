@@ -92,7 +92,7 @@ class Case:
     def bodies(self):
         return [(b, self.plant.get_body(BodyIndex(b))) for b in range(1, self.plant.num_bodies())]
 
-    def carried(self, b: int) -> list[int]:
+    def forward(self, b: int) -> list[int]:
         """The body and all that hangs on it, joints and welds alike."""
         found = [b]
         for _, parent, child, _ in self.tree.links:
@@ -162,7 +162,7 @@ def test_mass_matrix_of_a_subset_is_that_part_of_the_whole(case):
 def test_composite_inertias_are_drakes(case):
     world = case.plant.world_frame()
     for b, _ in case.bodies():
-        bodies = [BodyIndex(i) for i in case.carried(b)]
+        bodies = [BodyIndex(i) for i in case.forward(b)]
         I_W = case.plant.CalcSpatialInertia(case.context, world, bodies).CopyToFullMatrix6()
         mass, moment = I_W[5, 5], [I_W[2, 4], I_W[0, 5], I_W[1, 3]]
         J = I_W[:3, :3]

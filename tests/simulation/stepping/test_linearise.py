@@ -13,11 +13,11 @@ from pydrake.multibody.tree import MultibodyForces_
 
 from vsf_drake.plants.foot import mount_pose, set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
-from vsf_drake.simulation.stepping.assembly import find_sites, find_support, split_coordinates, step_room
+from vsf_drake.simulation.stepping.assembly import find_sites, find_support, split_coordinates, step_workspace
+from vsf_drake.simulation.stepping.directions import ParameterTangent, make_directions, tangent_workspace
 from vsf_drake.simulation.stepping.newton import EXACT, FLAT, _residual, _velocities, step, tangent_matrix
 from vsf_drake.simulation.stepping.sensitivity import linearise
 from vsf_drake.simulation.stepping.tree import inverse_dynamics, mass_matrix, place, tree_arrays
-from vsf_drake.simulation.stepping.ways import Edit, make_ways, tangent_room
 from vsf_drake.simulation.variables import added
 
 STEP_S, FULCRUM_M = 1e-3, 0.11
@@ -27,23 +27,24 @@ MOUNT = (2e-3, 5e-3, 0.03)
 
 
 @numba.njit
-def _residual_at(tree, forces, split, room, ground, fulcrum, q, v0, a, v, sites, support):
+def _residual_at(tree, forces, dofs, workspace, ground, fulcrum, q, v0, a, v, sites, support):
     """The residual of a step from q, v0 to v, held coordinates accelerated by a: parts have no Python wrapper."""
-    place(tree, q, room.motion)
-    find_sites(STEP_S, forces, room.motion, ground, room.contact, sites)
+    place(tree, q, workspace.motion)
+    find_sites(STEP_S, forces, workspace.motion, ground, workspace.contact, sites)
     deflection = 0.0
     if forces.fulcrum[0] > 0.0:
-        _, _, _, deflection = find_support(forces, room.motion, fulcrum, room.contact)
-    room.v0[:] = v0
-    room.trial[:] = v
-    inverse_dynamics(tree, v0, a, room.motion, room.bias)
-    mass_matrix(tree, room.motion, split.free, split.above, split.counts, room.M)
-    _velocities(tree.links, room.motion.S, v, room.contact.V)
-    _residual(STEP_S, tree.links, forces, split, room, deflection, 0.0, q, sites, support)
+        _, _, _, deflection = find_support(forces, workspace.motion, fulcrum, workspace.contact)
+    workspace.v0[:] = v0
+    workspace.trial[:] = v
+    inverse_dynamics(tree, v0, a, workspace.motion, workspace.bias)
+    mass_matrix(tree, workspace.motion, dofs.free, dofs.above, dofs.counts, workspace.M)
+    _velocities(tree.links, workspace.motion.S, v, workspace.contact.V)
+    _residual(STEP_S, tree.links, forces, dofs, workspace, deflection, 0.0, q, sites, support)
 
 
 class Instant:
-    """One step of a person at random q0, v0, and its linearisation; every held coordinate of the person has a course.
+    """One step of a person at random q0, v0, and its linearisation; every held coordinate of the person has a
+    perturbation.
 
     Args:
         depth: how far (m) the lowest sphere is in the ground at the start; negative: above it.
@@ -59,37 +60,38 @@ class Instant:
         self.mechanism, tree = mechanism, mechanism.tree
         n = tree.num_coordinates
         self.held = np.array([tree.index(name) for name in HELD])
-        self.split = split_coordinates(tree, mechanism.forces, self.held)
+        self.dofs = split_coordinates(tree, mechanism.forces, self.held)
         self.q = rng.uniform(-0.05, 0.05, n) * np.where(np.char.startswith(tree.coordinate_names, "socket_t"), 0.05, 1)
         self.q[tree.index("fulcrum")] = fulcrum
         self.v0 = rng.uniform(-speed, speed, n)
-        self.room = step_room(tree, mechanism.forces, self.split)
+        self.workspace = step_workspace(tree, mechanism.forces, self.dofs)
         arrays = tree_arrays(tree)
-        place(arrays, self.q, self.room.motion)
-        R, p, b = self.room.motion.R, self.room.motion.p, mechanism.site_bodies
+        place(arrays, self.q, self.workspace.motion)
+        R, p, b = self.workspace.motion.R, self.workspace.motion.p, mechanism.site_bodies
         bottoms = (p[b] + np.einsum("sij,sj->si", R[b], mechanism.sites[:, :3]))[:, 2] - mechanism.sites[:, 3]
         self.ground = bottoms.min() + depth
         held_v = self.v0[self.held] + STEP_S * rng.uniform(-3.0, 3.0, len(self.held))
         q, self.v = self.q.copy(), self.v0.copy()
         sites, support = np.zeros((len(mechanism.sites), 9)), np.zeros(3)
         _, self.converged = step(
-            STEP_S, arrays, mechanism.forces, self.split, self.room, self.ground, 0.0, fulcrum,
+            STEP_S, arrays, mechanism.forces, self.dofs, self.workspace, self.ground, 0.0, fulcrum,
             self.q[self.held] + STEP_S * held_v, np.zeros((0, 0)), np.zeros(0), q, self.v, np.zeros(n), sites,
             support)
-        edits = [walker.variables[name].edit for name in names]
-        edits += [Edit(coordinate=name, course=np.ones(2)) for name in HELD[:-1]]
-        ways = make_ways(tree, mechanism.forces, self.split, edits, measured=np.zeros(len(sites), dtype=bool))
-        self.tangent = tangent_room(tree, self.split, ways)
-        tangent_matrix(STEP_S, arrays, mechanism.forces, self.split, self.room, FLAT, sites)
-        self.flat = self.room.A.copy()
-        tangent_matrix(STEP_S, arrays, mechanism.forces, self.split, self.room, EXACT, sites)
-        self.A, self.sites = self.room.A.copy(), sites
-        linearise(STEP_S, arrays, mechanism.forces, self.split, ways, self.room, self.tangent, self.q, self.v, sites,
-                  support)
-        count = len(self.split.free)
-        self.by_variable = (self.tangent.Gq[:, count:] @ ways.unit[count:] + self.tangent.E)[:, : len(names)]
+        tangents = [walker.variables[name].by_unit for name in names]
+        tangents += [ParameterTangent(coordinate=name, perturbation=np.ones(2)) for name in HELD[:-1]]
+        directions = make_directions(tree, mechanism.forces, self.dofs, tangents, measured=np.zeros(len(sites),
+                                                                                                    dtype=bool))
+        self.tangent = tangent_workspace(tree, self.dofs, directions)
+        tangent_matrix(STEP_S, arrays, mechanism.forces, self.dofs, self.workspace, FLAT, sites)
+        self.flat = self.workspace.A.copy()
+        tangent_matrix(STEP_S, arrays, mechanism.forces, self.dofs, self.workspace, EXACT, sites)
+        self.A, self.sites = self.workspace.A.copy(), sites
+        linearise(STEP_S, arrays, mechanism.forces, self.dofs, directions, self.workspace, self.tangent, self.q,
+                  self.v, sites, support)
+        count = len(self.dofs.free)
+        self.by_variable = (self.tangent.Gq[:, count:] @ directions.unit[count:] + self.tangent.E)[:, : len(names)]
         self.by_q, self.by_v = self.tangent.Gq[:, :count].copy(), self.tangent.Gv[:, :count].copy()
-        way = [ways.coordinate.tolist().index(c) for c in self.held[:-1]]
+        way = [directions.coordinate.tolist().index(c) for c in self.held[:-1]]
         self.by_held_q, self.by_held_v, self.by_held_end = (
             matrix[:, way].copy() for matrix in (self.tangent.Gq, self.tangent.Gv, self.tangent.B))
 
@@ -111,20 +113,21 @@ class Instant:
         if geometry.any():
             mechanism = dataclasses.replace(mechanism, tree=self._mechanism(geometry).tree)
         mechanism = edited(mechanism, self.walker.variables, values)
-        tree, forces, room = mechanism.tree, mechanism.forces, step_room(mechanism.tree, mechanism.forces, self.split)
+        tree, forces, workspace = mechanism.tree, mechanism.forces, step_workspace(mechanism.tree, mechanism.forces,
+                                                                                   self.dofs)
         q, v0, v, a = self.q + dq, self.v0 + dv0, self.v + dv, np.zeros(len(self.q))
         for name, change in zip(self.walker.gait.prescribed, shift, strict=True):
             q[tree.index(name)] += change
         q[tree.index("fulcrum")] += slide
         sites = np.zeros((len(mechanism.sites), 9))
         a[self.held] = (v - v0)[self.held] / STEP_S
-        _residual_at(tree_arrays(tree), forces, self.split, room, self.ground, self.fulcrum + slide, q, v0, a, v, sites,
-                     np.zeros(3))
+        _residual_at(tree_arrays(tree), forces, self.dofs, workspace, self.ground, self.fulcrum + slide, q, v0, a, v,
+                     sites, np.zeros(3))
         loaded, law = sites[:, 1] > 0.0, mechanism.sites
         speed = np.hypot(sites[:, 5], sites[:, 6]) / law[:, 10]
         kinds = [loaded, loaded & (sites[:, 4] > 0.0), loaded & (sites[:, 0] > law[:, 7]), loaded & (speed > 1.0),
                  loaded & (speed > 1.5)]
-        return room.r / STEP_S, np.array(kinds)
+        return workspace.r / STEP_S, np.array(kinds)
 
     def difference(self, change, **unit):
         """Central difference of the residual along `unit`, and whether nothing changes its branch on the way."""
@@ -141,7 +144,7 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
     variables = [f"coordinate.{name}" for name in HELD[:-1] if f"coordinate.{name}" in person.variables]
     variables += ["offset.height", "offset.fore_aft", "offset.alignment", "fulcrum.shift"]
     at = Instant(person, seed, variables, depth=-1.0, speed=2.0, forces=False)
-    tree, free, n = at.mechanism.tree, at.split.free, len(at.q)
+    tree, free, n = at.mechanism.tree, at.dofs.free, len(at.q)
     x = InitializeAutoDiff(np.concatenate([at.q, at.v0, MOUNT])[:, None])[:, 0]
     q, v0, (height, fore_aft, alignment) = x[:n], x[n : 2 * n], x[2 * n :]
     plant = person.gait.plant.ToAutoDiffXd()
@@ -184,7 +187,7 @@ def test_contact_springs_and_support_are_differentiated_too(walker, side, speed)
     for seed in range(4):
         at = Instant(person, seed, variables, depth=0.012, speed=speed)
         assert at.converged and at.residual()[1][0].sum() > 3
-        free, held = np.eye(len(at.q))[at.split.free], np.eye(len(at.q))[at.held[:-1]]
+        free, held = np.eye(len(at.q))[at.dofs.free], np.eye(len(at.q))[at.held[:-1]]
         for matrix, key, along in ((at.by_q, "dq", free), (at.by_v, "dv0", free), (at.by_held_q, "dq", held),
                                    (at.by_held_v, "dv0", held), (at.by_held_end / STEP_S, "dv", held),
                                    (at.A / STEP_S, "dv", free)):
@@ -214,8 +217,8 @@ def test_support_on_two_pieces_is_differentiated_too(walker, joint, place):
     """Within a width of a joint, by keel and socket coordinates, by the support's place and by its stiffness."""
     names = ("fulcrum.shift", "fulcrum.stiffness")
     at = Instant(walker("right"), 5, names, depth=-1.0, speed=0.5, fulcrum=joint + place * 0.006, width=0.006)
-    assert at.converged and 0.0 < at.room.fulcrum[1] < 1.0
-    for exact, unit in zip(at.by_q.T, np.eye(len(at.q))[at.split.free], strict=True):
+    assert at.converged and 0.0 < at.workspace.fulcrum[1] < 1.0
+    for exact, unit in zip(at.by_q.T, np.eye(len(at.q))[at.dofs.free], strict=True):
         found, _ = at.difference(1e-6, dq=unit)
         np.testing.assert_allclose(exact, found, rtol=0.0, atol=1e-6 * np.abs(at.by_q).max())
     stiffness = at.mechanism.fulcrum[0]
@@ -245,12 +248,12 @@ def test_flattened_tangent_differs_from_the_exact_one_only_on_the_falling_branch
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_wrench_on_every_body_is_the_sum_over_the_sites_that_it_carries(walker, side):
     at = Instant(walker(side), 1, (), depth=0.012, speed=0.3)
-    m, contact = at.mechanism, at.room.contact
+    m, contact = at.mechanism, at.workspace.contact
     force = np.column_stack([at.sites[:, 2], at.sites[:, 3], at.sites[:, 1]])
     wrench = np.hstack([np.cross(contact.center - m.sites[:, 3:4] * [0.0, 0.0, 1.0], force), force])
-    carried = np.eye(len(contact.F), dtype=bool)
+    forward = np.eye(len(contact.F), dtype=bool)
     for _, parent, child, _ in m.tree.links[::-1]:
-        carried[parent] |= carried[child]
-    wanted = np.array([wrench[carried[b][m.site_bodies]].sum(axis=0) for b in range(len(contact.F))])
+        forward[parent] |= forward[child]
+    wanted = np.array([wrench[forward[b][m.site_bodies]].sum(axis=0) for b in range(len(contact.F))])
     assert np.abs(wanted[0]).max() > 100.0
     np.testing.assert_allclose(contact.F, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())

@@ -22,9 +22,9 @@ from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.simulation import walk as walk_module
 from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.stepping.sensitivity import Carried, rest_sensitivity
+from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_sensitivity
 from vsf_drake.simulation.stepping.stepper import Stepper
-from vsf_drake.simulation.variables import Course, course_variables
+from vsf_drake.simulation.variables import MotionPerturbation, perturbation_variables
 from vsf_drake.simulation.walk import AppliedTorques, Walker
 
 END_S, STRIKE_S, MID_STANCE_S = 0.94, 0.1, 0.4
@@ -40,21 +40,21 @@ WIDTH_M, JOINT_M = 5e-3, float(JOINTS_M[2])
 
 
 @dataclass(frozen=True)
-class Coursed:
-    """A person whose walks all have these courses, for helpers that know a walker."""
+class Perturbed:
+    """A person whose walks all have these perturbations, for helpers that know a walker."""
 
     person: Walker
-    courses: tuple[Course, ...]
+    perturbations: tuple[MotionPerturbation, ...]
 
     def __getattr__(self, name):
         return getattr(self.person, name)
 
     @property
     def variables(self):
-        return self.person.variables | course_variables(self.courses, self.person.gait.prescribed, GRID)
+        return self.person.variables | perturbation_variables(self.perturbations, self.person.gait.prescribed, GRID)
 
     def walk(self, motion, **options):
-        return self.person.walk(motion, courses=self.courses, **options)
+        return self.person.walk(motion, perturbations=self.perturbations, **options)
 
 
 def wave(time):
@@ -62,10 +62,10 @@ def wave(time):
     return 0.3 + np.sin(7.0 * time)
 
 
-def coursed(person):
-    """The person with a course on each of COORDINATES, on the prosthetic side."""
+def perturbed(person):
+    """The person with a perturbation on each of COORDINATES, on the prosthetic side."""
     names = [name.format(person.subject.prosthetic_side[0]) for name in COORDINATES]
-    return Coursed(person, tuple(Course(name, name, wave) for name in names))
+    return Perturbed(person, tuple(MotionPerturbation(name, name, wave) for name in names))
 
 
 def moving(time):
@@ -85,9 +85,9 @@ FAMILIES = ("contact", "friction", "keel", "fulcrum", "socket", "offset", "coord
 def case(walker, motion, name, prefix=""):
     """The person, the motion and the arguments of a case; exponents above their least, to have two sides."""
     side, span = CASES[name]
-    person = coursed(walker(side)) if prefix == "course" else walker(side)
+    person = perturbed(walker(side)) if prefix == "perturbation" else walker(side)
     values = VALUES | {n: 1.05 for n in person.variables if n.endswith(".exponent")}
-    if prefix == "course":
+    if prefix == "perturbation":
         values = dict(zip(family(person, prefix), (4e-3, 5e-4, 0.01, -0.01), strict=True))
     return person, motion(side), {"end_s": END_S, "values": values} | span
 
@@ -96,10 +96,10 @@ def family(person, prefix):
     """Names of it, of coordinates those on which the force on the prosthetic foot depends."""
     other = "_l" if person.subject.prosthetic_side == "right" else "_r"
     return [name for name in person.variables if name.startswith(prefix)
-            and (prefix == "course" or not name.endswith(("_tx", "_tz", other)))]
+            and (prefix == "perturbation" or not name.endswith(("_tx", "_tz", other)))]
 
 
-@pytest.mark.parametrize("prefix", [*FAMILIES, "course"])
+@pytest.mark.parametrize("prefix", [*FAMILIES, "perturbation"])
 @pytest.mark.parametrize("name", CASES)
 def test_central_differences_lead_to_the_sensitivity(walker, motion, name, prefix):
     """Changes by 3e-6 pass no event. What is left is the tolerance of Newton's method; at a start in equilibrium also
@@ -140,11 +140,11 @@ def test_steps_that_are_cut_carry_sensitivities_through_their_pieces(name):
     """Courses without a value, so that the walk is the one that is cut."""
     setting, values, step_s = SETTINGS[name]
     walker, trial = hard_walker(setting)
-    person = coursed(walker)
+    person = perturbed(walker)
     options = {"values": values, "fulcrum_m": trial.fulcrum_m, "start_s": trial.start_s, "end_s": trial.end_s,
                "step_s": step_s}
     names = ("offset.height", "contact.forefoot.stiffness", "friction.mu_static", "socket.ty.stiffness",
-             *family(person, "course"))
+             *family(person, "perturbation"))
     walk = person.walk(trial.trajectory, with_respect_to=names, **options)
     assert walk.record.parts.max() > 1 and walk.record.converged.all()
     np.testing.assert_array_equal(walk.record.q, cut_walk(name).record.q)
@@ -207,7 +207,7 @@ def test_rest_does_not_depend_on_what_acts_on_motion_only(walker, motion, name):
     held = np.array([tree.index(name) for name in (*person.gait.prescribed, "fulcrum")])
     names = [name for prefix in FAMILIES for name in family(person, prefix)]
     by = rest_sensitivity(tree, walk.mechanism.forces, held, walk.record.q0,
-                          tuple(person.variables[name].edit for name in names),
+                          tuple(person.variables[name].by_unit for name in names),
                           fulcrum=float(walk.fulcrum_m[0]), ground=walk.mechanism.ground_height)
     for i, variable in enumerate(names):
         motion_only = variable.startswith("friction") or variable.endswith(("damping", "damping_depth"))
@@ -218,18 +218,21 @@ def test_rest_does_not_depend_on_what_acts_on_motion_only(walker, motion, name):
     (("pelvis_ty", "knee_angle_l"), ()), (("hip_rotation_r", "pelvis_list"), ()), (("pelvis_ty",), ("pelvis_ty",)),
     (("pelvis_ty", "knee_angle_l"), ("pelvis_ty",))])
 def test_free_coordinates_respond_too(motion, free, settles):
-    """A pelvis that is free to rise and fall and others above and below a course: as recorded at the start, or at rest.
+    """A pelvis that is free to rise and fall and others above and below a perturbation: as recorded at the start, or at
+    rest.
 
     That rest is not quite reached, since a sticking foot creeps: the same share of a percent at any change.
     """
     subject = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
-    person = Coursed(Walker(subject, ModelParameters(), free=free),
-                     tuple(Course(name, name, wave) for name in ("hip_flexion_l", "pelvis_tx", "knee_angle_r")))
+    person = Perturbed(Walker(subject, ModelParameters(), free=free),
+                     tuple(MotionPerturbation(name, name, wave) for name in ("hip_flexion_l", "pelvis_tx",
+                                                                             "knee_angle_r")))
     start = dict(zip(motion("right").names, motion("right").sample(MID_STANCE_S)[0][0], strict=True))
     options = {"fulcrum_m": 0.108, "start_s": MID_STANCE_S, "end_s": 0.55, "step_s": 1e-3,
                "initial": {name: float(start[name]) for name in settles}}
     names = ("contact.forefoot.stiffness", "keel.flexural_modulus", "fulcrum.shift", "offset.height",
-             "coordinate.hip_flexion_l", "coordinate.knee_angle_r", "socket.ty.stiffness", *family(person, "course"))
+             "coordinate.hip_flexion_l", "coordinate.knee_angle_r", "socket.ty.stiffness", *family(person,
+                                                                                                   "perturbation"))
     walk = person.walk(motion("right"), with_respect_to=names, **options)
     for variable in names:
         by = central(person, motion("right"), variable, 1e-5 * size(person.variables[variable]), **options)
@@ -255,10 +258,10 @@ def test_run_is_the_same_bit_for_bit_whatever_it_is_differentiated_by(walker, mo
 def test_sensitivities_to_courses_that_add_up_to_one_add_up_to_that_of_a_shift(walker, motion, start_s):
     """Cubic B-splines over the walk, and the other sensitivities are the same beside them."""
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, 6), np.ones(3)])
-    person = Coursed(walker("right"), tuple(Course(str(i), "hip_flexion_r", BSpline(knots, unit, 3))
+    person = Perturbed(walker("right"), tuple(MotionPerturbation(str(i), "hip_flexion_r", BSpline(knots, unit, 3))
                                             for i, unit in enumerate(np.eye(8))))
     options = {"fulcrum_m": 0.108, "start_s": start_s, "end_s": END_S, "step_s": 2e-3}
-    names = [*family(person, "course"), "coordinate.hip_flexion_r"]
+    names = [*family(person, "perturbation"), "coordinate.hip_flexion_r"]
     by = person.walk(motion("right"), with_respect_to=names, **options).sensitivity
     alone = walker("right").walk(motion("right"), with_respect_to=names[-1:], **options).sensitivity
     np.testing.assert_allclose(by.grf_W[..., 8:], alone.grf_W, rtol=1e-12, atol=1e-9)
@@ -270,11 +273,13 @@ def test_sensitivities_to_courses_that_add_up_to_one_add_up_to_that_of_a_shift(w
 def test_course_on_another_grid_than_the_run_is_refused(walker):
     person = walker("right")
     mechanism = gait_mechanism(person.gait, person.context)
-    edits = tuple(v.edit for v in course_variables([Course("a", "pelvis_ty", wave)], person.gait.prescribed,
+    tangents = tuple(v.by_unit for v in perturbation_variables([MotionPerturbation("a", "pelvis_ty", wave)],
+                                                               person.gait.prescribed,
                                                    GRID).values())
-    carried = Carried(edits=edits, measured=np.zeros(len(mechanism.sites), dtype=bool), q0=np.zeros((1, 1)))
+    forward = ForwardSensitivity(tangents=tangents, measured=np.zeros(len(mechanism.sites), dtype=bool),
+                                 q0=np.zeros((1, 1)))
     with pytest.raises(ValueError, match="3 instants, the run 11"):
-        carried.prepare(mechanism.tree, mechanism.forces, None, 10)
+        forward.prepare(mechanism.tree, mechanism.forces, None, 10)
 
 
 def supported(walker: Walker, motion, fulcrum_m, width_m, **options):
@@ -466,8 +471,8 @@ def test_at_rest_the_pelvis_takes_what_the_ground_does_not(walker, motion):
 
 
 def test_variables_that_move_prescribed_coordinates_are_refused(walker, motion):
-    course = Course("bend", "knee_angle_r", lambda t: t)
-    for name in ("coordinate.knee_angle_r", "course.bend"):
+    perturbation = MotionPerturbation("bend", "knee_angle_r", lambda t: t)
+    for name in ("coordinate.knee_angle_r", "perturbation.bend"):
         with pytest.raises(InputError, match=f"not differentiated by {name}"):
-            walker("right").walk(motion("right"), courses=(course,), with_respect_to=(name,), with_loads=True,
-                                 **ROLLED)
+            walker("right").walk(motion("right"), perturbations=(perturbation,), with_respect_to=(name,),
+                                 with_loads=True, **ROLLED)

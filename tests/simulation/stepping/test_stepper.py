@@ -12,7 +12,7 @@ from cut_walks import SETTINGS, cut_walk, hard_walker, inputs_of
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.bench import Bench
 from vsf_drake.simulation.mechanism import bench_mechanism
-from vsf_drake.simulation.stepping.assembly import split_coordinates, step_room
+from vsf_drake.simulation.stepping.assembly import split_coordinates, step_workspace
 from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS, step
 from vsf_drake.simulation.stepping.stepper import (
     LEVELS,
@@ -22,9 +22,9 @@ from vsf_drake.simulation.stepping.stepper import (
     Stepper,
     advance,
     drive_of,
-    next_piece,
+    next_substep,
     no_torques,
-    piece,
+    substep,
 )
 
 walked = cache(cut_walk)
@@ -36,7 +36,7 @@ def cut(outcome):
     while done < PARTS:
         converged, begin = outcome(done, size), done
         tries.append((begin, size, converged))
-        done, next_size, taken = next_piece(done, size, converged)
+        done, next_size, taken = next_substep(done, size, converged)
         if taken:
             accepted.append((begin, size))
         size = next_size
@@ -74,7 +74,7 @@ def test_ends_of_pieces_lie_on_straight_lines_between_the_grid_points():
             accepted, _ = cut(lambda done, size, share=share: rng.random() < share)
             t = time[k]
             for begin, size in accepted:
-                h, fulcrum, ground, rate = piece(drive, k, begin, size, q_next)
+                h, fulcrum, ground, rate = substep(drive, k, begin, size, q_next)
                 t += h
                 assert h == pytest.approx((time[k + 1] - time[k]) * size / PARTS, rel=1e-14)
                 for found, column in ((fulcrum, drive.fulcrum), (ground, drive.ground), *zip(
@@ -86,12 +86,12 @@ def test_ends_of_pieces_lie_on_straight_lines_between_the_grid_points():
             np.testing.assert_array_equal(q_next, drive.prescribed_q[k + 1])
 
 
-def pieces_of(mechanism, inputs, q0, v0):
+def substeps_of(mechanism, inputs, q0, v0):
     """Ends (s) of all pieces of a run, how many each step has, and its iterations with those that were taken back, by
     the compiled step and a loop of its own."""
     stepper, forces, drive = Stepper(mechanism), mechanism.forces, drive_of(inputs)
-    split = split_coordinates(mechanism.tree, forces, inputs.prescribed)
-    room = step_room(mechanism.tree, forces, split)
+    dofs = split_coordinates(mechanism.tree, forces, inputs.prescribed)
+    workspace = step_workspace(mechanism.tree, forces, dofs)
     out = np.zeros(len(q0)), np.zeros((len(mechanism.sites), 9)), np.zeros(3)
     none, nothing = np.empty((0, 0)), np.empty(0)
     q, v, q_next, ends, counts = q0.copy(), v0.copy(), np.zeros(len(inputs.prescribed)), [], []
@@ -100,9 +100,9 @@ def pieces_of(mechanism, inputs, q0, v0):
         begun = len(ends)
 
         def tried(done, size, k=k):
-            h, fulcrum, ground, rate = piece(drive, k, done, size, q_next)
+            h, fulcrum, ground, rate = substep(drive, k, done, size, q_next)
             before = q.copy(), v.copy()
-            iterations, converged = step(h, stepper.tree, forces, split, room, ground, rate, fulcrum, q_next, none,
+            iterations, converged = step(h, stepper.tree, forces, dofs, workspace, ground, rate, fulcrum, q_next, none,
                                          nothing, q, v, *out)
             spent[k] += iterations
             if not converged and size > 1:
@@ -124,7 +124,7 @@ def test_run_whose_steps_are_cut_is_a_run_on_the_grid_of_its_pieces(name):
     walk = walked(name)
     setting, _, _ = SETTINGS[name]
     inputs, record = inputs_of(walk, hard_walker(setting)[0]), walk.record
-    ends, counts, spent = pieces_of(walk.mechanism, inputs, record.q0, record.v0)
+    ends, counts, spent = substeps_of(walk.mechanism, inputs, record.q0, record.v0)
     np.testing.assert_array_equal(counts, record.parts)
     np.testing.assert_array_equal(spent, record.iterations)
     assert record.parts.max() > 1 and record.converged.all()

@@ -32,7 +32,7 @@ assumed half of all series stay below 0.7, since the parameters take up some of 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Published:
+class PublishedFit:
     """What the model of McGeehan 2021 was left with; two numbers are the least and the largest."""
 
     doi: str = "10.1115/1.4050456"
@@ -42,7 +42,7 @@ class Published:
     bench_rmse_n_per_mm: float = 1.37
 
 
-PUBLISHED, PAPER_MID_RANGE_MM = Published(), 0.45
+PUBLISHED, PAPER_MID_RANGE_MM = PublishedFit(), 0.45
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

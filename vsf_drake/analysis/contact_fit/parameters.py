@@ -21,7 +21,7 @@ from vsf_drake.motion.fitted_trial import gait_phase
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import SIDES
-from vsf_drake.simulation.variables import Course, Variable
+from vsf_drake.simulation.variables import MotionPerturbation, Variable
 
 PATH_COORDINATES = ("pelvis_tx", "pelvis_tz")
 DAMPING_TIME, OFFSET_HEIGHT = "contact.damping_time", "offset.height"
@@ -261,7 +261,7 @@ class TrialMap:
     Args:
         variables: of the walker.
         label: of the trial, as parameters of its own name it; None for a trial that has none.
-        trial: the recording; None for what is not walked, which then has no `courses`, one for each curve or path
+        trial: the recording; None for what is not walked, which then has no `perturbations`, one for each curve or path
             parameter.
     """
 
@@ -277,7 +277,7 @@ class TrialMap:
                            "Give contact.ZONE.force and contact.ZONE.exponent too")
         coefficients = curve_coefficients(names)
         self._targets = {name: self._target(name, label, variables) for name in names}
-        self.courses = () if trial is None else _courses(
+        self.perturbations = () if trial is None else _perturbations(
             [target[0] for target in self._targets.values() if target], trial, coefficients)
 
     def at(self, u: np.ndarray) -> WalkValues:
@@ -319,9 +319,9 @@ class TrialMap:
                 heights = sum(name.endswith(".height") and bool(OF_TRIAL.fullmatch(name))
                               for name in self.parameters.by_name)
                 return None if label is None else (OFFSET_HEIGHT, float(match["label"] == label) - 1.0 / heights)
-            return (f"course.path.{match['path']}", 1.0) if match["label"] == label else None
+            return (f"perturbation.path.{match['path']}", 1.0) if match["label"] == label else None
         if _CURVE.fullmatch(name):
-            return f"course.{name}", 1.0
+            return f"perturbation.{name}", 1.0
         law = _LAW.fullmatch(name)
         if name == DAMPING_TIME or (law and law[1] in self._laws):
             return None
@@ -363,18 +363,19 @@ def _refused(what: str, right: str | None = None) -> InputError:
     return InputError(what, where="parameters", right=right)
 
 
-def _courses(targets: Collection[str], trial: Trial, coefficients: int) -> tuple[Course, ...]:
-    courses: list[Course] = []
+def _perturbations(targets: Collection[str], trial: Trial, coefficients: int) -> tuple[MotionPerturbation, ...]:
+    perturbations: list[MotionPerturbation] = []
     families: dict[str, Callable[[int], Callable[[np.ndarray], np.ndarray]]] = {}
-    for name in dict.fromkeys(target.removeprefix("course.") for target in targets if target.startswith("course.")):
+    names = [target.removeprefix("perturbation.") for target in targets if target.startswith("perturbation.")]
+    for name in dict.fromkeys(names):
         kind, coordinate, index = name.rsplit(".", 2)
         if kind == "path" and int(index) >= PATH_COEFFICIENTS:
             raise _refused(f"{name} is beyond the {PATH_COEFFICIENTS} coefficients of a path")
         if kind not in families:
             families[kind] = _members(_curves(trial, coefficients) if kind == "curve" else
                                       window_bsplines(trial.start_s, trial.end_s, PATH_COEFFICIENTS))
-        courses.append(Course(name=name, coordinate=coordinate, shape=families[kind](int(index))))
-    return tuple(courses)
+        perturbations.append(MotionPerturbation(name=name, coordinate=coordinate, shape=families[kind](int(index))))
+    return tuple(perturbations)
 
 
 def _curves(trial: Trial, coefficients: int) -> Callable[[np.ndarray], np.ndarray]:

@@ -32,10 +32,10 @@ from vsf_drake.motion.fitted_trial import APPLIED, fingerprint
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.schema import to_plain
+from vsf_drake.simulation.batch.cases import digest
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
-from vsf_drake.simulation.many.cases import digest
 from vsf_drake.simulation.results import WalkResult
-from vsf_drake.simulation.variables import Course
+from vsf_drake.simulation.variables import MotionPerturbation
 from vsf_drake.simulation.walk import Walk, Walker
 
 T = TypeVar("T")
@@ -47,7 +47,7 @@ _LEAST_RESULTANT_N = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Term:
+class ResidualTerm:
     """One series of residuals: (n,) model minus measurement in standard deviations, (n, P) by the search coordinates
     (P = 0 where no derivatives were asked for), and the weight of each in the cost (`FitNoise.weight`)."""
 
@@ -60,13 +60,13 @@ class Term:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class FitEvaluation:
     """The fit's weighted residuals (m,) at one point, their Jacobian (m, P), and the terms they are made of, the prior
     last."""
 
     residual: np.ndarray
     jacobian: np.ndarray
-    terms: tuple[Term, ...]
+    terms: tuple[ResidualTerm, ...]
 
     @property
     def cost(self) -> float:
@@ -119,7 +119,7 @@ class ContactFit:
             self.terms_of(trial, label) for trial, label in zip(self.trials, self.labels, strict=True)]
         self._shared = TrialMap(self.parameters, self.walker.variables, None, None)
         self._machine = None if bench is None else bench_of(model.foot, bench)
-        self._last: tuple[np.ndarray, bool, Evaluation] | None = None
+        self._last: tuple[np.ndarray, bool, FitEvaluation] | None = None
 
     @property
     def joint(self) -> ContactFitOptions:
@@ -150,13 +150,13 @@ class ContactFit:
 
     def walk(
         self, trial: Trial, values: Mapping[str, float], *, step_s: float, fulcrum_m: float | None = None,
-        courses: Sequence[Course] = (), with_respect_to: Sequence[str] = ()
+        perturbations: Sequence[MotionPerturbation] = (), with_respect_to: Sequence[str] = ()
     ) -> tuple[Comparison, WalkResult, Walk]:
         """A trial's walk with these values of its variables, beside its plate; SimulationError if it diverges."""
         walk = self.walker.walk(
             trial.trajectory, fulcrum_m=trial.fulcrum_m if fulcrum_m is None else fulcrum_m, start_s=trial.start_s,
             end_s=trial.end_s, step_s=step_s, offsets=trial.offsets, values=values, with_respect_to=with_respect_to,
-            courses=courses)
+            perturbations=perturbations)
         result = self.walker.result(walk, trial, trial.offsets, energy=False)
         return compare(result, trial.prosthetic_plate), result, walk
 
@@ -167,7 +167,7 @@ class ContactFit:
                              right="A trial that was not fitted has none: give None")
         return TrialTerms(self, trial, label)
 
-    def evaluate(self, u: np.ndarray, *, derivatives: bool = True) -> Evaluation:
+    def evaluate(self, u: np.ndarray, *, derivatives: bool = True) -> FitEvaluation:
         """The residuals at u (P,); trials are walked side by side. SimulationError if a walk, or the bench, fails."""
         u = np.asarray(u, dtype=float)
         if self._last is not None and np.array_equal(self._last[0], u) and self._last[1] >= derivatives:
@@ -178,9 +178,9 @@ class ContactFit:
             terms = [term for of_trial in each for term in of_trial]
         prior = [p for p, item in enumerate(self.parameters.free) if item.prior]
         terms += [*self._bench_terms(u, derivatives),
-                  Term(name=PRIOR, trial=PRIOR, times_s=None, residual=u[prior],
+                  ResidualTerm(name=PRIOR, trial=PRIOR, times_s=None, residual=u[prior],
                        by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0)))]
-        evaluation = Evaluation(
+        evaluation = FitEvaluation(
             residual=np.concatenate([term.weight * term.residual for term in terms]),
             jacobian=np.vstack([term.weight * term.by for term in terms]), terms=tuple(terms))
         self._last = (u.copy(), derivatives, evaluation)
@@ -201,7 +201,7 @@ class ContactFit:
         """(m,) m of mid-range displacement on the bench at u, likewise."""
         return self.machine.displacement(self._shared.at(u).values)[0]
 
-    def _bench_terms(self, u: np.ndarray, derivatives: bool) -> list[Term]:
+    def _bench_terms(self, u: np.ndarray, derivatives: bool) -> list[ResidualTerm]:
         bench, machine = self.bench, self._machine
         if bench is None or machine is None:
             return []
@@ -216,11 +216,11 @@ class ContactFit:
             if forefoot is not None and sd is not None:
                 model, by = press(at.values, names)
                 measured = np.array([*forefoot, *([] if heel is None else [heel])])
-                terms.append(Term(name=name, trial=BENCH, times_s=None, residual=(model - measured) / sd,
+                terms.append(ResidualTerm(name=name, trial=BENCH, times_s=None, residual=(model - measured) / sd,
                                   by=(by @ at.by if derivatives else np.zeros((len(model), 0))) / sd))
         return terms
 
-    def program(self, evaluate: Callable[..., Evaluation] | None = None) -> MathematicalProgram:
+    def program(self, evaluate: Callable[..., FitEvaluation] | None = None) -> MathematicalProgram:
         """The fit for Drake's solvers: bounded variables u and one cost with its gradient; `evaluate` stands in for
         this fit's own, e.g. to count points or to survive those that fail."""
         evaluate = evaluate or self.evaluate
@@ -254,14 +254,14 @@ class TrialTerms:
         at = self.map.at(u)
         comparison, result, walk = self.fit.walk(
             self.trial, at.values, step_s=step_s or self.fit.options.step_s, fulcrum_m=fulcrum_m,
-            courses=self.map.courses, with_respect_to=at.names if derivatives else ())
+            perturbations=self.map.perturbations, with_respect_to=at.names if derivatives else ())
         if not derivatives:
             return comparison, result, None, ()
         assert walk.sensitivity is not None
         by = compare_sensitivity(comparison, result, walk.sensitivity)
         return comparison, result, by.model @ at.by, tuple(cop @ at.by for cop in by.cop)
 
-    def terms(self, u: np.ndarray, *, derivatives: bool) -> list[Term]:
+    def terms(self, u: np.ndarray, *, derivatives: bool) -> list[ResidualTerm]:
         """The residuals at u."""
         c, result, force_by, cop_by = self.walk(u, derivatives=derivatives)
         rows = np.flatnonzero(c.scored)[:: max(1, round(STRIDE * 2e-3 / c.step_s))]
@@ -289,11 +289,11 @@ class TrialTerms:
                     of_centres.append(self._term(name, instants, np.nan_to_num(error), np.nan_to_num(slope)))
         return of_forces + of_centres
 
-    def _term(self, name: str, times: np.ndarray, error: np.ndarray, by: np.ndarray) -> Term:
+    def _term(self, name: str, times: np.ndarray, error: np.ndarray, by: np.ndarray) -> ResidualTerm:
         noise = self.fit.joint.noise
         sd = getattr(noise, name)
         spacing = float(np.median(np.diff(times))) if len(times) > 1 else 2.0 * noise.correlation_s
-        return Term(name=name, trial=self.label, times_s=times, residual=error / sd, by=by / sd,
+        return ResidualTerm(name=name, trial=self.label, times_s=times, residual=error / sd, by=by / sd,
                     weight=noise.weight(spacing))
 
 

@@ -13,8 +13,8 @@ from vsf_drake.analysis.comparison import Comparison
 from vsf_drake.analysis.contact_fit.options import JOINT
 from vsf_drake.analysis.contact_fit.paper import PaperEnd, search_like_the_paper
 from vsf_drake.analysis.contact_fit.parameters import OFFSET_HEIGHT, FitParameters, TrialMap, owner
-from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, Evaluation, Term
-from vsf_drake.analysis.contact_fit.solve import Search, Uncertainty, run_searches, search, uncertainty
+from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, FitEvaluation, ResidualTerm
+from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty, run_searches, search, uncertainty
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
@@ -31,16 +31,16 @@ class JointEnd:
     """Where the searches of a joint fit ended: u (P,), the best point found, and what holds there."""
 
     u: np.ndarray
-    evaluation: Evaluation
+    evaluation: FitEvaluation
     uncertainty: Uncertainty
-    searches: tuple[Search, ...]
+    searches: tuple[FitSearch, ...]
     best: int  # the search that u is from
 
-    def alike(self) -> list[Search]:
+    def alike(self) -> list[FitSearch]:
         """The searches that fit as well as the best one (see ALIKE)."""
         return [s for s in self.searches if s.cost <= self.searches[self.best].cost + ALIKE]
 
-    def noise_ratios(self) -> list[tuple[Term, float]]:
+    def noise_ratios(self) -> list[tuple[ResidualTerm, float]]:
         """Each series of residuals with their root mean square over the noise that was assumed."""
         return [(term, float(np.sqrt(np.mean(term.residual**2)))) for term in self.evaluation.terms
                 if term.name != PRIOR]
@@ -131,7 +131,7 @@ class ContactFitSolution:
             raise FitError(f"the fit failed: {self.message}")
 
     def _walk_values(self, label: str | None) -> dict[str, float]:
-        """All values of a walk, courses too, of a fitted trial or of any other."""
+        """All values of a walk, perturbations too, of a fitted trial or of any other."""
         if isinstance(self.end, PaperEnd):
             return self.end.values
         return TrialMap(self.fit.parameters, self.fit.walker.variables, label, None).at(self.end.u).values
@@ -151,10 +151,10 @@ class ContactFitSolution:
 
 
 def _splines(values: Mapping[str, float], kind: str) -> dict[str, tuple[float, ...]]:
-    """Coefficients by coordinate of the courses of a kind."""
+    """Coefficients by coordinate of the perturbations of a kind."""
     by_coordinate: dict[str, list[float]] = {}
     for name, value in values.items():
-        if name.startswith(f"course.{kind}."):
+        if name.startswith(f"perturbation.{kind}."):
             by_coordinate.setdefault(name.split(".")[2], []).append(value)
     return {name: tuple(coefficients) for name, coefficients in by_coordinate.items()}
 
@@ -184,7 +184,7 @@ def solve(
     return solution.checked() if end.converged else solution
 
 
-def _finished(fit: ContactFit, searches: tuple[Search, ...], began: float) -> ContactFitSolution:
+def _finished(fit: ContactFit, searches: tuple[FitSearch, ...], began: float) -> ContactFitSolution:
     """At the lowest converged search whose walks are sound; else a failed solution at the best."""
     def at(i: int, *, success: bool, message: str) -> ContactFitSolution:
         u, terms = searches[i].u, fit.evaluate(searches[i].u)

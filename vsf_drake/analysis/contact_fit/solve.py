@@ -15,7 +15,7 @@ from scipy.stats import norm, qmc
 
 from vsf_drake.analysis.contact_fit.options import FitNoise
 from vsf_drake.analysis.contact_fit.parameters import FitParameters
-from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, Evaluation, Term
+from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, FitEvaluation, ResidualTerm
 from vsf_drake.analysis.drake_solve import solved
 from vsf_drake.errors import SimulationError
 from vsf_drake.files import plain
@@ -33,7 +33,7 @@ _TYPICAL = 30.0
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class FitSearch:
     """How one search ended: where it began and ended (P,), and the costs there, inf where the walk fails."""
 
     start: np.ndarray
@@ -49,17 +49,17 @@ class Search:
 def run_searches(
     fit: ContactFit, *, progress: Callable[[str, float], None] | None = None, resume: Mapping[str, Any] | None = None,
     checkpoint: Callable[[dict[str, Any]], None] | None = None
-) -> tuple[Search, ...]:
+) -> tuple[FitSearch, ...]:
     """All searches of the options, in their order; see `solution.solve`.
 
     All draws come from the seed and the search's number, so that an interrupted fit goes on as it would have.
     """
     starts, size = fit.joint.starts, len(fit.parameters)
 
-    def read(row: Mapping[str, Any]) -> Search:
+    def read(row: Mapping[str, Any]) -> FitSearch:
         ends = {name: np.array(row[name], dtype=float).reshape(size) for name in ("start", "u")}
         costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
-        return Search(**{**row, **ends, **costs})
+        return FitSearch(**{**row, **ends, **costs})
 
     done = [] if resume is None else fit.resumed(resume, lambda state: [*map(read, state["searches"][:starts])])
     began, before, ended = time.perf_counter(), len(done), 0.0
@@ -99,14 +99,14 @@ def _start(fit: ContactFit, i: int) -> np.ndarray:
     return min(prior_samples(fit.parameters, fit.joint.screened, [fit.joint.seed, i]), key=cost)
 
 
-def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None) -> Search:
+def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None) -> FitSearch:
     """Searches from `start` (P,) on; a start at which the simulation fails is a search that failed, not an error.
     `progress` is told the number of evaluations so far and the lowest cost."""
     start = np.clip(start, *fit.parameters.bounds)
     tried = _Tried(fit, progress)
     first = tried.at(start)
     if first is None or not np.isfinite(first.cost):
-        return Search(start=start, u=start, start_cost=np.inf, cost=np.inf, success=False,
+        return FitSearch(start=start, u=start, start_cost=np.inf, cost=np.inf, success=False,
                       message=f"the walk fails where the search starts: {tried.failure}", evaluations=tried.count,
                       failed=tried.failed)
     start_cost = tried.best_cost
@@ -121,7 +121,7 @@ def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], 
         success, message = False, f"it stopped where a step would still lower the cost by {left:.1f}; {message}"
     elif not success and left <= ENOUGH:
         success, message = True, f"no step would lower the cost by more than {ENOUGH:g} any more; {message}"
-    return Search(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
+    return FitSearch(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
                   message=message, evaluations=tried.count, failed=tried.failed)
 
 
@@ -142,7 +142,7 @@ class _Tried:
         self.failure, self.interrupted = "", False
         self.best, self.best_cost, self.first = np.zeros(0), np.inf, 0.0
 
-    def at(self, u: np.ndarray, *, derivatives: bool = True) -> Evaluation | None:
+    def at(self, u: np.ndarray, *, derivatives: bool = True) -> FitEvaluation | None:
         before = self.fit.evaluations
         try:
             evaluation = self.fit.evaluate(u, derivatives=derivatives)
@@ -159,14 +159,14 @@ class _Tried:
             self.progress(self.count, self.best_cost)
         return evaluation
 
-    def evaluate(self, u: np.ndarray, *, derivatives: bool = True) -> Evaluation:
+    def evaluate(self, u: np.ndarray, *, derivatives: bool = True) -> FitEvaluation:
         """For solvers that take no infinite cost: a failed simulation costs LOST times what the search began with."""
         evaluation = self.at(u, derivatives=derivatives)
         if evaluation is not None:
             self.first = self.first or evaluation.cost
             return evaluation
         lost = np.array([np.sqrt(2.0 * LOST * self.first)])
-        return Evaluation(residual=lost, jacobian=np.zeros((1, len(u))), terms=())
+        return FitEvaluation(residual=lost, jacobian=np.zeros((1, len(u))), terms=())
 
 
 def _gauss_newton(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str]:
@@ -229,7 +229,7 @@ NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True)
-class Part:
+class DirectionPart:
     """A parameter's share in a direction."""
 
     name: str
@@ -241,7 +241,7 @@ class Direction:
     """A direction that the data tell less of than the prior, and the parameters that it is made of."""
 
     singular_value: float
-    made_of: tuple[Part, ...]
+    made_of: tuple[DirectionPart, ...]
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,9 @@ class Uncertainty:
     together_above: float = CLOSE
 
 
-def uncertainty(parameters: FitParameters, u: np.ndarray, terms: Sequence[Term], noise: FitNoise) -> Uncertainty:
+def uncertainty(
+    parameters: FitParameters, u: np.ndarray, terms: Sequence[ResidualTerm], noise: FitNoise
+) -> Uncertainty:
     """At the solution u (P,) with the terms of its evaluation, derivatives included; directions that neither data nor
     prior tell have infinite errors."""
     count, names = len(parameters), parameters.names
@@ -310,7 +312,7 @@ def uncertainty(parameters: FitParameters, u: np.ndarray, terms: Sequence[Term],
     return Uncertainty(
         names=names, standard_error=sd * parameters.slopes(u), interval=np.array(ends), share_of_prior=sd,
         correlation=correlation, singular_values=singular,
-        weakest=tuple(Direction(float(s), tuple(Part(names[i], float(row[i])) for i in np.argsort(-np.abs(row))
+        weakest=tuple(Direction(float(s), tuple(DirectionPart(names[i], float(row[i])) for i in np.argsort(-np.abs(row))
                                                 if abs(row[i]) > _TOLD))
                       for s, row in zip(singular, rows, strict=True) if s < 1.0),
         at_bound=tuple(name for name, x, low, high in zip(names, u, *parameters.bounds, strict=True)

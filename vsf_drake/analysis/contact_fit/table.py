@@ -18,7 +18,7 @@ from vsf_drake.analysis.contact_fit.assessment import (
     BenchRow,
     Beside,
     LeftOut,
-    Published,
+    PublishedFit,
     TrialScore,
     bench_row,
     verdict,
@@ -27,7 +27,7 @@ from vsf_drake.analysis.contact_fit.paper import PaperEnd, PaperState
 from vsf_drake.analysis.contact_fit.parameters import FitParameter
 from vsf_drake.analysis.contact_fit.problem import ContactFit, labels_with
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, JointEnd
-from vsf_drake.analysis.contact_fit.solve import Search, Uncertainty
+from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty
 from vsf_drake.contact_file import variable_unit
 from vsf_drake.files import plain
 from vsf_drake.motion.trajectory import periodic_bsplines
@@ -39,7 +39,7 @@ _PHASES = np.linspace(0.0, 1.0, 201)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialRow:
+class FitTrialRow:
     """One trial, fitted or held out; without a score if it was not judged."""
 
     label: str
@@ -83,7 +83,7 @@ class ParameterRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CurveRow:
+class SmoothErrorRow:
     """The largest value of a joint angle's smooth error over the gait cycle, and where it is."""
 
     coordinate: str
@@ -123,11 +123,11 @@ class FitTable:
     message: str
     verdict: tuple[str, ...]
     left_out: tuple[LeftOut, ...]
-    trials: tuple[TrialRow, ...]
+    trials: tuple[FitTrialRow, ...]
     synthetic: bool
     subject: FittedPerson
     bench: BenchRow | None
-    published: Published = PUBLISHED
+    published: PublishedFit = PUBLISHED
     parameters: tuple[ParameterRow, ...]
     options: Mapping[str, object]  # what was asked for
     series: tuple[str, ...]
@@ -135,11 +135,11 @@ class FitTable:
     versions: Mapping[str, str]
     inputs_sha256: Mapping[str, str]
     seed: int | None
-    searches: tuple[Search, ...] = ()
+    searches: tuple[FitSearch, ...] = ()
     best_search: int | None = None
     paper: PaperState | None = None
     uncertainty: Uncertainty | None = None
-    curves: tuple[CurveRow, ...] = ()
+    curves: tuple[SmoothErrorRow, ...] = ()
     noise_ratios: tuple[NoiseRatio, ...] = ()
 
 
@@ -169,7 +169,7 @@ def fit_table(
         message=failed or ("" if solution is None else solution.message),
         verdict=() if good is None or judged is None else verdict(good, judged),
         left_out=() if judged is None else judged.left_out,
-        trials=tuple(TrialRow(
+        trials=tuple(FitTrialRow(
             label=name, name=trial.name, file=trial.path.name, role=FITTED if i < len(fit.trials) else HELD_OUT,
             synthetic=trial.synthetic, fulcrum_mm=round(1e3 * trial.fulcrum_m, 9), notes=tuple(trial.notes),
             window_s=(trial.start_s, trial.end_s), score=score)
@@ -223,7 +223,7 @@ def _known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def curve_rows(values: Mapping[str, float]) -> tuple[CurveRow, ...]:
+def curve_rows(values: Mapping[str, float]) -> tuple[SmoothErrorRow, ...]:
     """One for every joint angle with coefficients curve.COORDINATE.NUMBER among `values`."""
     coefficients: dict[str, list[float]] = {}
     for name, value in values.items():
@@ -233,7 +233,7 @@ def curve_rows(values: Mapping[str, float]) -> tuple[CurveRow, ...]:
     for coordinate, c in coefficients.items():
         curve = np.degrees(periodic_bsplines(len(c))(_PHASES) @ np.array(c))
         i = int(np.argmax(np.abs(curve)))
-        rows.append(CurveRow(coordinate=coordinate, largest_deg=float(curve[i]),
+        rows.append(SmoothErrorRow(coordinate=coordinate, largest_deg=float(curve[i]),
                              at_percent_of_cycle=float(100.0 * _PHASES[i])))
     return tuple(rows)
 
@@ -268,7 +268,7 @@ def fit_json(table: FitTable) -> dict[str, Any]:
     return values
 
 
-def _trial_json(trial: TrialRow) -> dict[str, Any]:
+def _trial_json(trial: FitTrialRow) -> dict[str, Any]:
     row: dict[str, Any] = plain(replace(trial, score=None))
     del row["score"]
     names = ("metrics", "null_model_grf_rmse_bw", "floor_grf_rmse_bw", "stance_error_s", "sweep")

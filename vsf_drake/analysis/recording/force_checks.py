@@ -183,7 +183,7 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
 #
 # The model follows the recorded shank, so whatever a foot does here that a foot on the ground cannot do becomes force:
 # a rising sole unloads, a sliding one rubs. The intact foot's force does not act on the prosthesis while
-# every joint is prescribed, so its errors are good up to 10 % body weight and doubts at most.
+# every joint is prescribed, so its errors are good up to 10 % body weight and warnings at most.
 
 
 ANGLE_DEG = (GOOD_BW / ALIGNMENT_BW_PER_DEG, 8.0)

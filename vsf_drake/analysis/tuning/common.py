@@ -34,7 +34,7 @@ def check_cost(cost: str) -> str:
 
 
 @dataclass(frozen=True)
-class Check:
+class TuningCheck:
     """What a solution was held against: the value and the one asked for; `met` None where nothing is demanded or
     it could not be made."""
 

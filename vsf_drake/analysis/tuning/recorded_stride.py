@@ -127,9 +127,9 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
                                              advance_m=advance, unknown=unknown[s]) for s, plate in plates.items()}
 
     forced = periodic.forced_acceleration(forces_with(advance), mass)
-    wish = path if forced is None else forced
+    target = path if forced is None else forced
     curves = periodic.fit_periodic(t, projected, weights, period_s=T, advance=advance * np.eye(8)[TX])
-    curves, shift, closed = periodic.close(misfit, curves, t, weights, wish, shift)
+    curves, shift, closed = periodic.close(misfit, curves, t, weights, target, shift)
     advance = float(curves.advance[TX])
     forces = forces_with(advance)
 
@@ -142,7 +142,7 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     errors |= {f"closing.{names[c]}_deg": _rms(off[:, c]) for c in turns if len(off)}
     errors |= force_errors(chain, curves, path, forces, mass)
     notes = say("stride", "recorded", period_s=T, by=method, advance_m=advance, prosthetic=how_p, intact=how_i,
-                follows_plates=wish is not path, converged=closed and converged, shift=shift, errors=errors,
+                follows_plates=target is not path, converged=closed and converged, shift=shift, errors=errors,
                 **{name: _worst(errors, f"{name}.") for name in ("angle", "closing")})
     return RecordedStride(
         names=names, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,

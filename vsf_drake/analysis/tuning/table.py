@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import Check
+from vsf_drake.analysis.tuning.common import TuningCheck
 from vsf_drake.files import plain, record
 
 FORMAT = "vsf_drake tuning 1"
@@ -164,7 +164,7 @@ class TuningTable:
     solver: SolverEnd | None
     confirmed_by: tuple[Confirmation, ...]
     starts: tuple[SearchEnd, ...]
-    checks: tuple[Check, ...]
+    checks: tuple[TuningCheck, ...]
     tasks: tuple[TaskOptimum, ...]
     common_fulcrum_mm: float | None
     pareto: tuple[ParetoPoint, ...]

@@ -120,7 +120,7 @@ class Statistics:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Setting:
+class SettingLines:
     """One position of the fulcrum (m from A; None for the heel) with its measured passes, up to one load (N)."""
 
     fulcrum_m: float | None
@@ -174,7 +174,7 @@ def where_of(fulcrum_m: float | None) -> str:
     return "heel" if fulcrum_m is None else f"fulcrum at {1e3 * fulcrum_m:g} mm"
 
 
-def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[Setting]:
+def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[SettingLines]:
     """The measured settings, or `fulcrums_m` where none was measured, and the heel in any case, last."""
     measured: dict[float | None, list[Curve]] = {}
     for curve in bench.curves if bench is not None else ():
@@ -183,7 +183,7 @@ def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[
     for position in [*(sorted(x for x in measured if x is not None) or fulcrums_m), None]:
         passes = measured.get(position, [])
         largest = min([MOST_LOAD_N, *(float(load[-1]) for _, load in passes)]) if passes else LOAD_N
-        settings.append(Setting(fulcrum_m=position, load_n=largest,
+        settings.append(SettingLines(fulcrum_m=position, load_n=largest,
                                 passes=tuple(up_to(*one, largest) for one in passes)))
     return settings
 
@@ -198,7 +198,7 @@ def curve_values(curve: Curve, where: str) -> CurveValues:
         stored_j=1e-3 * float(np.trapezoid(load, x)), shape=shape(x, load) if enough else None)
 
 
-def compared(setting: Setting, measured: MeasuredValues | None, curve: Curve) -> ModelValues:
+def compared(setting: SettingLines, measured: MeasuredValues | None, curve: Curve) -> ModelValues:
     """A model's values at one setting, and by what they differ from the measured ones."""
     own = curve_values(curve, setting.where)
     if measured is None or setting.curve is None:
@@ -232,7 +232,7 @@ def statistics(rows: Sequence[SettingRow], line: str) -> Statistics | None:
         curve_rmse_n=float(np.sqrt(np.mean([own.curve_rmse_n**2 for own, _ in pairs]))))
 
 
-def curve_arrays(settings: Sequence[Setting], by_line: dict[str, list[Curve | None]]) -> dict[str, np.ndarray]:
+def curve_arrays(settings: Sequence[SettingLines], by_line: dict[str, list[Curve | None]]) -> dict[str, np.ndarray]:
     """Curves on shared loads, (settings, 201): `load_n`, `measured_mm` with `measured_half_width_mm` (95 %), and for
     each line `<key>_mm`; the slopes dF/dx likewise as `measured_tangent_n_per_mm`, `<key>_tangent_n_per_mm`."""
     loads = np.array([np.linspace(0.0, setting.load_n, GRID) for setting in settings])

@@ -21,7 +21,7 @@ from vsf_drake.analysis.validation.bench_lines import (
     Curve,
     Machine,
     Regression,
-    Setting,
+    SettingLines,
     SettingRow,
     Statistics,
     at_loads,
@@ -67,7 +67,7 @@ class EndPoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class PressedModel:
     """One model that is pressed at every setting."""
 
     key: str  # "model", "nominal", "refined" or "calibrated"
@@ -79,7 +79,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RefinedLine(Line):
+class RefinedLine(PressedModel):
     """The study's foot with a keel of more elements."""
 
     elements: int
@@ -87,7 +87,7 @@ class RefinedLine(Line):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibratedLine(Line):
+class CalibratedLine(PressedModel):
     """The study's foot calibrated to the curves at two positions."""
 
     at_bound: tuple[str, ...]  # which of its numbers ended at a bound of the search
@@ -129,7 +129,7 @@ class LoadPoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchTable:
+class BenchSectionTable:
     """The bench section; the first three numbers are of the study's model, None without measured curves."""
 
     stiffness_r2: float | None
@@ -145,7 +145,7 @@ class BenchTable:
     speed_mm_per_min: float
     contact_name: str | None
     contact_on_bench: tuple[str, ...] | None  # what the contact file says of a bench; None without one
-    lines: tuple[CalibratedLine | RefinedLine | Line, ...]  # the study's model first
+    lines: tuple[CalibratedLine | RefinedLine | PressedModel, ...]  # the study's model first
     settings: tuple[SettingRow, ...]  # softest first, the heel last
     regression: Regression | None  # of the study's model on the measured stiffness
     rates: tuple[LoopRow, ...]
@@ -155,7 +155,7 @@ class BenchTable:
     unconverged_steps: int
 
 
-def bench_section(study: Study, *, progress: Progress | None = None) -> Section[BenchTable]:
+def bench_section(study: Study, *, progress: Progress | None = None) -> Section[BenchSectionTable]:
     """Presses the study's foot, the nominal one, the study's with a finer keel and one calibrated to two of the curves.
 
     Arrays: see `curve_arrays`, `rates`, and of the regression `regression_measured_n_per_mm`, `_line`, `_low`, `_high`.
@@ -212,7 +212,7 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
         Machine(foot), (*fulcrums, None), speeds, progress=lambda f: show("speeds", 0.5 + 0.4 * f))
     points, failed_points = load_points(study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f))
     own = lines[0].statistics
-    table = BenchTable(
+    table = BenchSectionTable(
         stiffness_r2=own.stiffness_r2 if own else None,
         stiffness_rmse_n_per_mm=own.stiffness_rmse_n_per_mm if own else None,
         mid_range_rmse_mm=own.mid_range_rmse_mm if own else None, limits=PAPER, within_limits=lines[0].within_limits,
@@ -228,15 +228,15 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
 
 
 def _lines(
-    study: Study, settings: list[Setting], show: Progress
-) -> tuple[list[tuple[Line, FootParameters]], list[str]]:
+    study: Study, settings: list[SettingLines], show: Progress
+) -> tuple[list[tuple[PressedModel, FootParameters]], list[str]]:
     """The models that are to be pressed, each with its foot, and why none of them is calibrated."""
     foot, nominal = study.model.foot, load_model(resource("models/nominal.yaml")).foot
     own = "fitted contact" if study.contact else "nominal" if nominal == foot else "study's model"
     coarse = len(foot.keel.element_lengths_m)
-    lines: list[tuple[Line, FootParameters]] = [(Line(key="model", name=own), foot)]
+    lines: list[tuple[PressedModel, FootParameters]] = [(PressedModel(key="model", name=own), foot)]
     if nominal != foot:
-        lines.append((Line(key="nominal", name="nominal"), nominal))
+        lines.append((PressedModel(key="nominal", name="nominal"), nominal))
     lines.append((RefinedLine(key="refined", name=f"{own}, {FINER * coarse} elements", elements=FINER * coarse,
                               coarse_elements=coarse), with_elements(foot, FINER * coarse)))
     show("calibration", 0.1)
@@ -258,7 +258,7 @@ def _lines(
 
 
 def _press(
-    line: Line, foot: FootParameters, settings: Sequence[Setting], outside: Container[float | None]
+    line: PressedModel, foot: FootParameters, settings: Sequence[SettingLines], outside: Container[float | None]
 ) -> tuple[list[Curve | None], int, list[str]]:
     """The foot's curves by setting, its unconverged steps, and what could not be done."""
     machine, curves, unconverged, missing = Machine(foot), list[Curve | None](), 0, []
@@ -276,7 +276,7 @@ def _press(
     return curves, unconverged, missing
 
 
-def _judged(line: Line, rows: Sequence[SettingRow]) -> Line:
+def _judged(line: PressedModel, rows: Sequence[SettingRow]) -> PressedModel:
     """The line with what its curves come to."""
     own = statistics(rows, line.key)
     values = {name: getattr(own, name) if own else None for name in PAPER}

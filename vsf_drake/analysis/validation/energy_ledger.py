@@ -44,7 +44,7 @@ from vsf_drake.simulation.reactions import (
     work,
 )
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
-from vsf_drake.simulation.variables import Course
+from vsf_drake.simulation.variables import MotionPerturbation
 from vsf_drake.simulation.walk import Walk, Walker
 
 INPUT, REMAINDER = "limb_work", "remainder"
@@ -158,9 +158,11 @@ def distal_power(reaction: FootReaction, twist: np.ndarray) -> np.ndarray:
 # A trial walked with the fulcrum elsewhere and the load on the foot kept: the pelvis rises and sinks as that takes.
 #
 # The recorded motion prescribes where the limb goes, so that a stiffer foot under the same motion is pressed as far and
-# bears more. A person carries the same weight on either. Here the motion is changed by a course of the pelvis' height
+# bears more. A person carries the same weight on either. Here the motion is changed by a perturbation of the pelvis'
+# height
 # until the vertical force on the prosthetic foot is that of the walk at the trial's own position; everything else of
-# the motion stays. The course is found by Newton's method instant by instant, with how the force depends on the height.
+# the motion stays. The perturbation is found by Newton's method instant by instant, with how the force depends on the
+# height.
 
 _HEIGHT = "pelvis_ty"
 _MOST_WALKS = 8
@@ -196,11 +198,11 @@ def walk_with_same_load(
     weight = walker.subject.mass_kg * float(np.linalg.norm(walker.gait.plant.gravity_field().gravity_vector()))
 
     def walked(x: float, step: float, height: np.ndarray | None = None, *, differentiated: bool = False) -> Walk:
-        courses = [] if height is None else [
-            Course(name="height", coordinate=_HEIGHT, shape=make_interp_spline(grid, height, k=3))]
+        perturbations = [] if height is None else [
+            MotionPerturbation(name="height", coordinate=_HEIGHT, shape=make_interp_spline(grid, height, k=3))]
         return walker.walk(
             trial.trajectory, fulcrum_m=x, start_s=trial.start_s, end_s=trial.end_s, step_s=step, offsets=trial.offsets,
-            courses=courses, values={"course.height": 1.0} if courses else {},
+            perturbations=perturbations, values={"perturbation.height": 1.0} if perturbations else {},
             with_respect_to=(f"coordinate.{_HEIGHT}",) if differentiated else ())
 
     def smooth(height: np.ndarray) -> np.ndarray:

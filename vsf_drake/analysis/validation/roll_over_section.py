@@ -316,17 +316,17 @@ def tilt_rad(time_s: np.ndarray) -> np.ndarray:
 OPPOSITE_STRIKE, TOE_OFF = "opposite heel strike", "toe-off"
 
 
-class Frames(NamedTuple):
+class RollOverFrames(NamedTuple):
     """Poses in W over n instants."""
 
     time_s: np.ndarray
     origin: np.ndarray  # (n, 3) m
     axes: np.ndarray  # (n, 3, 3), forward, left and up as columns
 
-    def at(self, time_s: np.ndarray) -> Frames:
+    def at(self, time_s: np.ndarray) -> RollOverFrames:
         """The same at other times, on straight lines between the known ones."""
         poses = resample(time_s, self.time_s, np.column_stack([self.origin, self.axes.reshape(-1, 9)]))
-        return Frames(time_s, poses[:, :3], poses[:, 3:].reshape(-1, 3, 3))
+        return RollOverFrames(time_s, poses[:, :3], poses[:, 3:].reshape(-1, 3, 3))
 
     def seen(self, points_W: np.ndarray) -> np.ndarray:
         """(n, 2) forward and up of points (n, 3) in W, one for each instant."""
@@ -376,7 +376,7 @@ def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
                        until_toe_off=sum(shape.row.ends_at == TOE_OFF for shape in shapes))
 
 
-def _frames(walk: StudyWalk) -> tuple[Frames, Frames, float, float]:
+def _frames(walk: StudyWalk) -> tuple[RollOverFrames, RollOverFrames, float, float]:
     """Shank and pylon over the walk; where the heel is on the forward axis (m); the prosthetic leg's length (m)."""
     trial, time, offsets = walk.trial, walk.result.time_s, walk.trial.offsets
     gait = make_gait(trial.subject, trial.model)
@@ -394,8 +394,8 @@ def _frames(walk: StudyWalk) -> tuple[Frames, Frames, float, float]:
         X_WS, X_WP = shank.EvalPoseInWorld(context), person.socket.distal.CalcPoseInWorld(context)
         poses.append((X_WS @ ankle, X_WS.rotation().matrix(), X_WP.translation(), X_WP.rotation().matrix()))
     at_ankle, of_shank, at_pylon, of_pylon = (np.array(column) for column in zip(*poses, strict=True))
-    return (Frames(time, at_ankle, of_shank), Frames(time, at_pylon, of_pylon), float((X_PK @ p_KHeel)[0]),
-            person.body.prosthetic_leg_length)
+    return (RollOverFrames(time, at_ankle, of_shank), RollOverFrames(time, at_pylon, of_pylon),
+            float((X_PK @ p_KHeel)[0]), person.body.prosthetic_leg_length)
 
 
 def _end(walk: StudyWalk, item: StanceComparison) -> tuple[float, str]:
@@ -410,7 +410,8 @@ def _end(walk: StudyWalk, item: StanceComparison) -> tuple[float, str]:
 
 
 def _arm(
-    shank: Frames, item: StanceComparison, time: np.ndarray, force: np.ndarray, cop: np.ndarray, free: np.ndarray
+    shank: RollOverFrames, item: StanceComparison, time: np.ndarray, force: np.ndarray, cop: np.ndarray,
+    free: np.ndarray
 ) -> float | None:
     """Mean moment arm (m) over the measured stance: moment of the ground's force about the ankle, toe up."""
     rows = (time >= item.measured.start_s) & (time <= item.measured.end_s)

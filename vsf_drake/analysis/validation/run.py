@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from vsf_drake.analysis.validation.bench_section import (
-    BenchTable,
+    BenchSectionTable,
     StoodTable,
     bench_section,
     standing_section,
@@ -35,7 +35,7 @@ from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.schema import to_plain
 from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
-from vsf_drake.simulation.many.cases import digest, software
+from vsf_drake.simulation.batch.cases import digest, software
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -51,7 +51,7 @@ class Part(NamedTuple):
 
 
 _SECTIONS = {
-    "bench": Part(bench_section, BenchTable, 10.0), "standing": Part(standing_section, StoodTable, 10.0),
+    "bench": Part(bench_section, BenchSectionTable, 10.0), "standing": Part(standing_section, StoodTable, 10.0),
     "walking": Part(walking_section, WalkingTable, 20.0), "energy": Part(energy_section, EnergyTable, 30.0),
     "roll_over": Part(roll_over_section, RollOverTable, 30.0),
     "settings": Part(settings_section, SettingsTable, 90.0),
@@ -201,7 +201,7 @@ class TrialRow:
     role: str
     fulcrum_mm: float
     synthetic: bool
-    doubts: str | None
+    warnings: str | None
     window_s: tuple[float, float]
     unconverged_steps: int
 
@@ -245,7 +245,7 @@ def validation_content(
         height_mm=1e3 * walk.trial.offsets.height_m, fore_aft_mm=1e3 * walk.trial.offsets.fore_aft_m,
         alignment_deg=math.degrees(walk.trial.offsets.alignment_rad), label=walk.label, name=walk.trial.name,
         file=walk.trial.path.name, role=walk.role, fulcrum_mm=walk.fulcrum_mm, synthetic=walk.trial.synthetic,
-        doubts=" ".join(walk.doubts) or None, window_s=(walk.trial.start_s, walk.trial.end_s),
+        warnings=" ".join(walk.warnings) or None, window_s=(walk.trial.start_s, walk.trial.end_s),
         unconverged_steps=walk.result.unconverged_steps) for walk in study.walks)
     sections = {name: one.section for name, one in finished.items()}
     content = Validation(
@@ -291,7 +291,7 @@ def _notes(study: Study, finished: Mapping[str, Finished]) -> list[str]:
 # Published: McGeehan, Adamczyk, Nichols and Hahn 2021, doi 10.1115/1.4050456.
 
 
-class _Line(NamedTuple):
+class _InputLine(NamedTuple):
     """A line of the summary."""
 
     what: str
@@ -306,28 +306,29 @@ class _Line(NamedTuple):
 
 _REMAINDER, _HELD_OUT = "energy/ledger_remainder_share_max", "walking/held_out/"
 _LINES = (
-    _Line("Bench: R² of stiffness over fulcrum positions", "bench/stiffness_r2", "", "{:.4f}", paper="0.98",
+    _InputLine("Bench: R² of stiffness over fulcrum positions", "bench/stiffness_r2", "", "{:.4f}", paper="0.98",
           least=0.98),
-    _Line("Bench: RMSE of stiffness", "bench/stiffness_rmse_n_per_mm", "N/mm", paper="1.37", most=1.37),
-    _Line("Bench: RMSE of mid-range displacement", "bench/mid_range_rmse_mm", "mm", paper="0.45", most=0.45),
-    _Line("Standing: mass predicted less mass known, largest", "standing/worst_mass_error", "%", scale=100.0,
+    _InputLine("Bench: RMSE of stiffness", "bench/stiffness_rmse_n_per_mm", "N/mm", paper="1.37", most=1.37),
+    _InputLine("Bench: RMSE of mid-range displacement", "bench/mid_range_rmse_mm", "mm", paper="0.45", most=0.45),
+    _InputLine("Standing: mass predicted less mass known, largest", "standing/worst_mass_error", "%", scale=100.0,
           paper="-2.6"),
-    _Line("Fitted walks: resultant GRF, RMSE, mean", "walking/fitted/grf_rmse_bw", "% BW", scale=100.0, paper="5.3",
+    _InputLine("Fitted walks: resultant GRF, RMSE, mean", "walking/fitted/grf_rmse_bw", "% BW", scale=100.0,
+               paper="5.3",
           most=0.053),
-    _Line("Held-out walks: resultant GRF, RMSE, mean", f"{_HELD_OUT}grf_rmse_bw", "% BW", scale=100.0,
+    _InputLine("Held-out walks: resultant GRF, RMSE, mean", f"{_HELD_OUT}grf_rmse_bw", "% BW", scale=100.0,
           paper="10 to 14", most=0.10),
-    _Line("Held-out walks: resultant GRF, RMSE, worst", f"{_HELD_OUT}grf_rmse_bw_worst", "% BW", scale=100.0,
+    _InputLine("Held-out walks: resultant GRF, RMSE, worst", f"{_HELD_OUT}grf_rmse_bw_worst", "% BW", scale=100.0,
           paper="14", most=0.14),
-    _Line("Held-out walks: null model (a stretched measured curve), mean", f"{_HELD_OUT}null_model_grf_rmse_bw",
+    _InputLine("Held-out walks: null model (a stretched measured curve), mean", f"{_HELD_OUT}null_model_grf_rmse_bw",
           "% BW", scale=100.0),
-    _Line("Held-out walks: CoP, RMSE, mean", f"{_HELD_OUT}cop_rmse_fl", "% foot length", scale=100.0,
+    _InputLine("Held-out walks: CoP, RMSE, mean", f"{_HELD_OUT}cop_rmse_fl", "% foot length", scale=100.0,
           paper="5.7 to 9.5", most=0.095),
-    _Line("Held-out walks: impulse, RMSE, mean", f"{_HELD_OUT}impulse_rmse_bws", "BW s", "{:.4f}",
+    _InputLine("Held-out walks: impulse, RMSE, mean", f"{_HELD_OUT}impulse_rmse_bws", "BW s", "{:.4f}",
           paper="0.01 to 0.05", most=0.05),
-    _Line("Joint angles: tracking, RMSE", "walking/angle_rmse_deg", "°", "{:.1e}", paper="1.9", most=0.01),
-    _Line("Joint angles: phase lag, largest", "walking/angle_lag_ms", "ms", "{:.1e}"),
-    _Line("Stance time: correlation over trials", "walking/stance_r", "", "{:.3f}"),
-    _Line("Energy: ledger's remainder over stored energy, worst trial", _REMAINDER, "%", scale=100.0, most=0.01))
+    _InputLine("Joint angles: tracking, RMSE", "walking/angle_rmse_deg", "°", "{:.1e}", paper="1.9", most=0.01),
+    _InputLine("Joint angles: phase lag, largest", "walking/angle_lag_ms", "ms", "{:.1e}"),
+    _InputLine("Stance time: correlation over trials", "walking/stance_r", "", "{:.3f}"),
+    _InputLine("Energy: ledger's remainder over stored energy, worst trial", _REMAINDER, "%", scale=100.0, most=0.01))
 _ANSWERS = (("energy/softer_stores_more", "A softer setting stores more energy, as measured on the real device"),
             ("energy/softer_returns_more", "A softer setting returns more energy, as measured on the real device"))
 

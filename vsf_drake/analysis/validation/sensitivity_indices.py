@@ -53,7 +53,7 @@ class Index:
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class SamplingDesign:
     """Points at which a function is wanted."""
 
     points: np.ndarray  # (rows, k) in the unit cube
@@ -71,26 +71,29 @@ def _problem(names: Sequence[str], groups: Sequence[str] | None = None) -> dict[
             "groups": None if groups is None else list(groups)}
 
 
-def morris_design(names: Sequence[str], trajectories: int, seed: int) -> Design:
+def morris_design(names: Sequence[str], trajectories: int, seed: int) -> SamplingDesign:
     """Trajectories that move every factor once; k + 1 points each."""
     from SALib.sample import morris  # noqa: PLC0415 (it takes half a second to import)
 
     problem = _problem(names)
-    return Design(morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)), len(names) + 1,
+    return SamplingDesign(morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)), len(names) + 1,
                   tuple(names), problem)
 
 
-def sobol_design(names: Sequence[str], samples: int, seed: int, *, groups: Sequence[str] | None = None) -> Design:
+def sobol_design(
+    names: Sequence[str], samples: int, seed: int, *, groups: Sequence[str] | None = None
+) -> SamplingDesign:
     """`samples` (a power of two) of Saltelli's blocks of k + 2 points, groups + 2 where indices are of the factors'
     groups, on a scrambled Sobol sequence."""
     from SALib.sample import sobol  # noqa: PLC0415
 
     problem, labels = _problem(names, groups), tuple(dict.fromkeys(groups or names))
-    return Design(sobol.sample(problem, samples, calc_second_order=False, seed=_seed(seed)), len(labels) + 2, labels,
+    return SamplingDesign(sobol.sample(problem, samples, calc_second_order=False, seed=_seed(seed)), len(labels) + 2,
+                          labels,
                   problem)
 
 
-def morris_rows(design: Design, y: np.ndarray, seed: int) -> tuple[Effect, ...] | None:
+def morris_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Effect, ...] | None:
     """Elementary effects of one output y (rows,) by factor, in y's unit. None of too few whole trajectories."""
     from SALib.analyze import morris  # noqa: PLC0415
 
@@ -104,7 +107,7 @@ def morris_rows(design: Design, y: np.ndarray, seed: int) -> tuple[Effect, ...] 
                  for i, name in enumerate(design.labels))
 
 
-def sobol_rows(design: Design, y: np.ndarray, seed: int) -> tuple[Index, ...] | None:
+def sobol_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Index, ...] | None:
     """Shares of the variance of one output y (rows,), by factor or group. None of too few whole blocks or of a constant
     output."""
     from SALib.analyze import sobol  # noqa: PLC0415
@@ -123,7 +126,7 @@ def sobol_rows(design: Design, y: np.ndarray, seed: int) -> tuple[Index, ...] | 
     return tuple(rows)
 
 
-def dropped(design: Design, y: np.ndarray) -> int:
+def dropped(design: SamplingDesign, y: np.ndarray) -> int:
     """How many blocks were dropped."""
     return int(np.count_nonzero(~design.whole(y))) // design.block
 

@@ -33,9 +33,9 @@ from vsf_drake.analysis.comparison import (
 )
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
 from vsf_drake.analysis.validation.sensitivity_indices import (
-    Design,
     Effect,
     Index,
+    SamplingDesign,
     dropped,
     morris_design,
     morris_rows,
@@ -61,8 +61,8 @@ from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.sentences import say
-from vsf_drake.simulation.many import SweepProgress, WalkCase, WalkOutcome, simulate_many
-from vsf_drake.simulation.many.processes import chosen
+from vsf_drake.simulation.batch import SweepProgress, WalkCase, WalkOutcome, simulate_batch
+from vsf_drake.simulation.batch.processes import chosen
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.simulation.walk import Walk, Walker
 
@@ -204,9 +204,9 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
         total = len(screen.points) * len(walked) + (0 if quick else (
             GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2) + FACTOR_SAMPLES * (STRONGEST + 2)))
 
-        def run(design: Design, own: Sequence[Factor], what: str, trials: Sequence[int]) -> Walked:
+        def run(design: SamplingDesign, own: Sequence[Factor], what: str, trials: Sequence[int]) -> FactorWalk:
             done, size = walks.walked - len(walked), len(design.points) * len(trials)
-            return Walked(design, walks(design.points, factors=own, trials=trials, progress=lambda fraction: show(
+            return FactorWalk(design, walks(design.points, factors=own, trials=trials, progress=lambda fraction: show(
                 what, min((done + fraction * size) / total, 1.0))))
 
         screened = run(screen, factors, "screening", range(len(walked)))
@@ -324,10 +324,10 @@ PERCENTILES = (5, 50, 95)
 
 
 @dataclass(frozen=True, eq=False)
-class Walked:
+class FactorWalk:
     """A design and `values` (rows, trials, len(OUTPUTS)) at its points, NaN where unknown."""
 
-    design: Design
+    design: SamplingDesign
     values: np.ndarray
 
     def of(self, output: int) -> np.ndarray:
@@ -340,7 +340,7 @@ class Walked:
         return np.asarray(y[self.design.whole(y)].reshape(-1, self.design.block)[:, [0, -1]].ravel())
 
 
-def output_spread(walked: Walked | None, output: int) -> OutputSpread | None:
+def output_spread(walked: FactorWalk | None, output: int) -> OutputSpread | None:
     """Of an output over the uncertainty; None below two points."""
     y = np.empty(0) if walked is None else walked.independent(output)
     if len(y) < 2:
@@ -349,7 +349,7 @@ def output_spread(walked: Walked | None, output: int) -> OutputSpread | None:
     return OutputSpread(mean=float(y.mean()), sd=float(y.std(ddof=1)), p05=p05, p50=p50, p95=p95)
 
 
-def explained(every: Walked | None, few: Walked | None, output: int) -> float | None:
+def explained(every: FactorWalk | None, few: FactorWalk | None, output: int) -> float | None:
     """Variance with a few factors varied over that with every one varied."""
     if every is None or few is None:
         return None
@@ -485,7 +485,7 @@ class DesignWalks:
                 if progress:
                     progress((start + size * state.done / max(state.total, 1)) / len(points))
 
-            outcomes = simulate_many(cases, keep=KEEP, workers=self._count, executor=self._executor, progress=show)
+            outcomes = simulate_batch(cases, keep=KEEP, workers=self._count, executor=self._executor, progress=show)
             for n, outcome in enumerate(outcomes):
                 row, place = divmod(n, len(walked))
                 values[start + row, place] = walked[place].score(outcome)

@@ -52,7 +52,7 @@ from vsf_drake.analysis.validation.settings_walks import (
     RECORDINGS,
     Base,
     NoiseSizes,
-    Walked,
+    SettingWalk,
     base_of,
     walk_all,
 )
@@ -122,7 +122,7 @@ class PairRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CurveRow:
+class CurveDifferenceRow:
     """One curve and pair: root mean square over stance of the difference; `noise` by design is that of the noise in it
     (standard deviation), `rms_noise_D`, and the share of stance in which the difference exceeds t times it, `share_D`.
     """
@@ -229,7 +229,7 @@ class SettingsTable:
     held_out_rmse_bw: float | None = None
     trials: tuple[TrialOf, ...] = ()
     names: tuple[str, ...] = NAMES
-    curves: tuple[CurveRow, ...] = ()
+    curves: tuple[CurveDifferenceRow, ...] = ()
     as_walked: tuple[WalkedPair, ...] = ()
     as_walked_curves: tuple[WalkedCurve, ...] = ()
     inverse: Inverse | None = None
@@ -249,8 +249,8 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
     positions = positions[[0, 2, 4]] if quick else positions
     positions_mm = np.round(1e3 * positions, 6)
     clean = len(bases) * len(positions)
-    wished = round((QUICK_NOISY_WALKS if quick else NOISY_WALKS) / (RECORDINGS * clean))
-    draws = min(max(wished, FEWEST_DRAWS), MOST_DRAWS)
+    requested = round((QUICK_NOISY_WALKS if quick else NOISY_WALKS) / (RECORDINGS * clean))
+    draws = min(max(requested, FEWEST_DRAWS), MOST_DRAWS)
     walked = walk_all(bases, positions.tolist(), draws=draws, seed=seed, workers=study.options.workers,
                       progress=progress)
     held_out = [base for base in bases if base.walk.role == HELD_OUT]
@@ -430,7 +430,7 @@ def _mean(values: np.ndarray) -> np.ndarray:
 
 
 def outcome_rows(
-    positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelError, stiffness: Callable[[float], float]
+    positions_mm: np.ndarray, walked: Sequence[SettingWalk], model: ModelError, stiffness: Callable[[float], float]
 ) -> list[OutcomeRow]:
     """What is detectable around the middle of the range; `stiffness` (N/mm) is that of the foot on the bench with the
     fulcrum at a position (mm)."""
@@ -465,7 +465,7 @@ def outcome_rows(
     return rows
 
 
-def pair_rows(positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelError) -> list[PairRow]:
+def pair_rows(positions_mm: np.ndarray, walked: Sequence[SettingWalk], model: ModelError) -> list[PairRow]:
     """The effect of each pair of positions with the motion held, and whether it exceeds the error."""
     base, noisy = _both(walked, "values")
     rows = []
@@ -484,7 +484,7 @@ def pair_rows(positions_mm: np.ndarray, walked: Sequence[Walked], model: ModelEr
     return rows
 
 
-def curve_rows(positions_mm: np.ndarray, walked: Sequence[Walked]) -> list[CurveRow]:
+def curve_rows(positions_mm: np.ndarray, walked: Sequence[SettingWalk]) -> list[CurveDifferenceRow]:
     """The difference of whole curves for each pair of positions, each percent of stance for itself."""
     rows = []
     for name, unit in CURVES.items():
@@ -497,7 +497,8 @@ def curve_rows(positions_mm: np.ndarray, walked: Sequence[Walked]) -> list[Curve
                 beyond = np.abs(difference[known]) > detectable(own)[known]
                 noise |= {f"rms_noise_{design}": finite(rms(np.sqrt(own.value[known]))),
                           f"share_{design}": float(beyond.mean()) if known.any() else None}
-            rows.append(CurveRow(curve=name, unit=unit, from_mm=float(positions_mm[i]), to_mm=float(positions_mm[j]),
+            rows.append(CurveDifferenceRow(curve=name, unit=unit, from_mm=float(positions_mm[i]),
+                                           to_mm=float(positions_mm[j]),
                                  rms_difference=finite(rms(difference)), noise=noise))
     return rows
 
@@ -550,7 +551,7 @@ def _walked_curves(bases: Sequence[Base]) -> list[WalkedCurve]:
             for a, b in combinations(settings, 2)]
 
 
-def _both(walked: Sequence[Walked], name: str) -> tuple[np.ndarray, np.ndarray]:
+def _both(walked: Sequence[SettingWalk], name: str) -> tuple[np.ndarray, np.ndarray]:
     """(T, ...) of all trials: without noise, and with it."""
     return np.array([w.alone[name] for w in walked]), np.array([w.noisy[name] for w in walked])
 
@@ -601,7 +602,7 @@ def fulcrum_estimates(positions_mm: np.ndarray, locked: np.ndarray, target: np.n
     return estimates.reshape(locked.shape[:-2])
 
 
-def inverse_table(positions_mm: np.ndarray, walked: Sequence[Walked]) -> Inverse:
+def inverse_table(positions_mm: np.ndarray, walked: Sequence[SettingWalk]) -> Inverse:
     """What the estimates say."""
     middle = 0.5 * (positions_mm[0] + positions_mm[-1])
     rows = []

@@ -35,8 +35,8 @@ from vsf_drake.motion.fitted_trial import gait_phase
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, periodic_bsplines
 from vsf_drake.motion.trial_record import Trial
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.simulation.many import SweepProgress, WalkCase, WalkOutcome, simulate_many
-from vsf_drake.simulation.many.processes import chosen
+from vsf_drake.simulation.batch import SweepProgress, WalkCase, WalkOutcome, simulate_batch
+from vsf_drake.simulation.batch.processes import chosen
 
 RECORDINGS = 2
 _STREAM = 6
@@ -63,7 +63,7 @@ class Base:
 
 
 @dataclass(frozen=True, eq=False)
-class Walked:
+class SettingWalk:
     """Walks of one base trial at P positions, without noise and with D draws of R = 2 recordings; NaN where one failed.
 
     By name: `values` (P, O) outcomes in the order of NAMES; `resultant` and `cop` (P, 101) BW and FL over the own
@@ -98,7 +98,7 @@ def base_of(walk: StudyWalk, sizes: NoiseSizes | None = None) -> Base:
 def walk_all(
     bases: Sequence[Base], positions_m: Sequence[float], *, draws: int, seed: int, workers: int | None,
     progress: Progress | None = None
-) -> list[Walked]:
+) -> list[SettingWalk]:
     """Walks every base at every position, without noise and with `draws` sessions of two recordings."""
     each = len(positions_m) * (1 + RECORDINGS * draws)
     every = []
@@ -116,7 +116,7 @@ def walk_all(
                     progress(f"{base.walk.label} at {len(positions_m)} positions, with errors of its kinematics",
                              (i + state.done / each) / len(bases))
 
-            records = [base.record(outcome) for outcome in simulate_many(
+            records = [base.record(outcome) for outcome in simulate_batch(
                 cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show)]
             time = next((record.time_s for record in records if record is not None), np.empty(0))
             alone, noisy = {}, {}
@@ -125,7 +125,7 @@ def walk_all(
                                   for record in records]).reshape(1 + RECORDINGS * draws, len(positions_m), size)
                 alone[name] = values[0]
                 noisy[name] = values[1:].reshape(draws, RECORDINGS, len(positions_m), size)
-            every.append(Walked(base, alone, noisy, time, records.count(None)))
+            every.append(SettingWalk(base, alone, noisy, time, records.count(None)))
     return every
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import Comparison, compare
 from vsf_drake.analysis.contact_fit.problem import labels_of
-from vsf_drake.analysis.metrics import WalkMetrics, doubts, stance_curve, walk_metrics
+from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics, warnings
 from vsf_drake.analysis.offsets import OffsetFit, fit_offsets
 from vsf_drake.bench_curves import BenchCurves, load_bench_curves
 from vsf_drake.contact_file import FittedContact, load_contact
@@ -66,7 +66,7 @@ class StudyWalk:
     result: WalkResult
     comparison: Comparison  # with the plate under the prosthetic foot
     metrics: WalkMetrics  # with a null model where there is another trial to make it of
-    doubts: tuple[str, ...]  # sentences on what of it is doubtful
+    warnings: tuple[str, ...]  # sentences on what of it is doubtful
 
     @property
     def fulcrum_mm(self) -> float:
@@ -266,7 +266,7 @@ def _study_walk(
         label=label, role=OFFSETS_FITTED if fitted is None else FITTED if seen[i] else HELD_OUT, recorded=recorded,
         trial=walk.trial if walk.fit is None else dataclasses.replace(walk.trial, offsets=walk.fit.offsets),
         result=result, comparison=comparison, metrics=metrics,
-        doubts=tuple(doubts(result, comparison, metrics, walk.fit)))
+        warnings=tuple(warnings(result, comparison, metrics, walk.fit)))
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ from vsf_drake.analysis.validation.walking_curves import (
 from vsf_drake.files import flat, plain
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.sentences import say
-from vsf_drake.simulation.many import WalkCase, WalkOutcome, simulate_many
+from vsf_drake.simulation.batch import WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
@@ -105,7 +105,7 @@ class WalkRow(FreeMomentScores, AngleScores):
     stance_error_s: float | None
     beats_null: bool | None
     sweep: SweepEntry | None
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +178,7 @@ class AngleRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Difference(Tested):
+class GroupDifference(Tested):
     """The same of one quantity in one group."""
 
     group: int | str  # the place in `conditions`, or "all"
@@ -205,7 +205,7 @@ class WalkingTable(AngleScores):
     sweep_failures: Mapping[str, int]  # by walk, how many positions have no error
     spm1d: str | None  # its version
     difference_method: str | None
-    differences: tuple[Difference, ...]
+    differences: tuple[GroupDifference, ...]
     units: Mapping[str, str]  # of the curves
     paper: Published
     quick: bool
@@ -239,7 +239,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
         for name, ensemble in quantities.items():
             tested, more = differing_regions(ensemble, seed=(study.options.seed, i, list(QUANTITIES).index(name)))
             arrays |= {f"group_{group}_{name}_{key}": value for key, value in (ensemble.arrays() | more).items()}
-            differences.append(Difference(
+            differences.append(GroupDifference(
                 **vars(tested), group=group, quantity=name, unit=QUANTITIES[name], labels=ensemble.labels))
     stance_r, stance_n = pearson(rows, "stance_measured_s", "stance_model_s")
     method, quick = next((d.method for d in differences if d.method), None), study.options.quick
@@ -290,7 +290,7 @@ def _walk_row(walk: StudyWalk, rotations: Sequence[Rotation], sweep: FulcrumSwee
         stance_error_s=None if measured is None or model is None else model - measured,
         beats_null=None if null is None or metrics.grf_rmse_bw is None else metrics.grf_rmse_bw < null,
         **vars(free_moment_scores(walk.result, walk.recorded.prosthetic_plate, walk.comparison)),
-        **vars(pooled(rotations)), sweep=sweep_entry(sweep), doubts=walk.doubts)
+        **vars(pooled(rotations)), sweep=sweep_entry(sweep), warnings=walk.warnings)
 
 
 def pooled(rotations: Sequence[Rotation]) -> AngleScores:
@@ -475,7 +475,7 @@ def sweep_study(
     positions = {walk.label: sweep_positions(walk.trial, count) for walk in study.walks}
     cases = [WalkCase(trial=walk.trial, fulcrum_m=float(x), step_s=SWEEP_STEP_S, label=walk.label)
              for walk in study.walks for x in positions[walk.label]]
-    outcomes = iter(simulate_many(cases, workers=study.options.workers, progress=progress and (
+    outcomes = iter(simulate_batch(cases, workers=study.options.workers, progress=progress and (
         lambda state: progress("moving the fulcrum", state.done / state.total))))
     sweeps = {}
     for walk in study.walks:

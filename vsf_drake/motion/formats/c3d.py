@@ -21,11 +21,11 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import RawPlate, RawTrial
 from vsf_drake.motion.formats.units import (
+    chunks,
     file_length_factor,
     first_of_each,
     length_factor,
     moment_factor,
-    pieces,
     without_prefix,
 )
 from vsf_drake.sentences import say
@@ -164,9 +164,9 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
         matrices = np.atleast_3d(c3d.values("FORCE_PLATFORM:CAL_MATRIX"))
         calibrated = matrices.ndim == 3 and min(matrices.shape[:2]) >= 6 and matrices.shape[2] > i
         notes += [] if calibrated else say("files", "no_calibration", plate=i + 1)
-        for piece in pieces(len(raw) if calibrated else 0, raw.shape[1]):
+        for chunk in chunks(len(raw) if calibrated else 0, raw.shape[1]):
             with np.errstate(invalid="ignore", over="ignore"):
-                raw[piece] = raw[piece] @ matrices[:6, :6, i].T
+                raw[chunk] = raw[chunk] @ matrices[:6, :6, i].T
     if not (raw.max(initial=0.0) < LARGEST and raw.min(initial=0.0) > -LARGEST):
         raise InputError("an analog sample is not a believable number", file=c3d.path, where=f"force plate {i + 1}")
     stated = c3d.all_texts("ANALOG:UNITS")
@@ -180,11 +180,11 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
         notes += say("files", "other_moments", plate=i + 1, used=choice, stated=unit)
     force, torque = np.empty((len(raw), 3)), np.empty((len(raw), 3))
     point = np.empty((len(raw), 3)) if kind == 1 else centre.copy()
-    for piece in pieces(len(raw), raw.shape[1]):
-        f, p, t = _load(kind, raw[piece], origin, choice)
-        force[piece], torque[piece] = f @ axes.T, t @ axes.T
+    for chunk in chunks(len(raw), raw.shape[1]):
+        f, p, t = _load(kind, raw[chunk], origin, choice)
+        force[chunk], torque[chunk] = f @ axes.T, t @ axes.T
         if kind == 1:
-            point[piece] = p @ axes.T + centre
+            point[chunk] = p @ axes.T + centre
     return RawPlate(str(i + 1), force, point, torque, corners=corners)
 
 
@@ -209,8 +209,8 @@ def _load(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[
 def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half: np.ndarray) -> bool:
     """Whether most loaded samples press near the plate, of half sizes (2,) m; True where it is not loaded."""
     off = [np.empty((0, 2))]
-    for piece in pieces(len(raw), raw.shape[1]):
-        force, point, torque = _load(kind, raw[piece], origin, unit)
+    for chunk in chunks(len(raw), raw.shape[1]):
+        force, point, torque = _load(kind, raw[chunk], origin, unit)
         on = np.abs(force[:, 2]) > LOADED_N
         f, t = force[on], torque[on]
         off.append(np.abs(point[on, :2] + np.column_stack([-t[:, 1], t[:, 0]]) / f[:, 2:3]))

@@ -58,8 +58,8 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
     notes = list(table.notes)
     rate, start = table.rate_hz, None
     if rate is None:
-        rate, start, doubts = even_rate(table.time_s, table.lines, path)
-        notes += doubts
+        rate, start, warnings = even_rate(table.time_s, table.lines, path)
+        notes += warnings
     columns = _find_plates(table.names)
     if not columns:
         raise InputError(f"has no force columns; its columns are {', '.join(table.names)[:300]}", file=path,

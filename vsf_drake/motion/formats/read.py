@@ -13,7 +13,7 @@ from vsf_drake.motion.formats.c3d import c3d_labels, read_c3d
 from vsf_drake.motion.formats.forces import FORCE_FILES, read_forces
 from vsf_drake.motion.formats.recording import Plate, RawPlate, RawTrial, Recording, floor_load
 from vsf_drake.motion.formats.tables import read_trc, trc_labels
-from vsf_drake.motion.formats.units import pieces, turn
+from vsf_drake.motion.formats.units import chunks, turn
 from vsf_drake.sentences import say
 
 MARKER_FILES = (".c3d", ".trc")
@@ -321,10 +321,10 @@ def _on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
         moment[loaded] = plate.torque[loaded, 2]
     else:
         point = np.broadcast_to(plate.point, plate.force.shape)
-        for piece in pieces(len(vertical)):
-            on = loaded[piece]
-            cop[piece][on], moment[piece][on] = floor_load(
-                point[piece][on], plate.force[piece][on], plate.torque[piece][on])
+        for chunk in chunks(len(vertical)):
+            on = loaded[chunk]
+            cop[chunk][on], moment[chunk][on] = floor_load(
+                point[chunk][on], plate.force[chunk][on], plate.torque[chunk][on])
         height = float(np.median(point[loaded, 2])) if loaded.any() else 0.0
     peak = vertical.max(initial=0.0)
     unloaded = vertical < (0.1 * peak if peak > STRONG_N else STRONG_N)

@@ -27,12 +27,12 @@ from vsf_drake.files import replaced
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats.recording import Plate, RawTrial, world_to_os
 from vsf_drake.motion.formats.units import (
+    chunks,
     even_rate,
     file_length_factor,
     first_of_each,
     length_factor,
     moment_factor,
-    pieces,
     without_prefix,
 )
 from vsf_drake.sentences import say
@@ -332,14 +332,14 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
                          where="line 3, NumFrames", right="Is the file truncated?")
     if frames is not None and frames < len(table):
         notes += say("files", "said", file=path.name, said=f"{frames:.0f} frames", used=f"all {len(table)} were read")
-    rate, start, doubts = even_rate(table[:, 1], places, path, stated_hz=stated)
-    notes += doubts
+    rate, start, warnings = even_rate(table[:, 1], places, path, stated_hz=stated)
+    notes += warnings
     if stated is not None and rate != stated:
         notes += say("files", "said", file=path.name, said=f"{stated:g} frames a second",
                      used=f"the times say {rate:.6g}, which was used")
     positions = table[:, 2:].reshape(len(table), len(labels), 3)
-    for piece in pieces(len(positions), 3 * len(labels)):
-        some = positions[piece]
+    for chunk in chunks(len(positions), 3 * len(labels)):
+        some = positions[chunk]
         some[~(abs(some) < LARGEST).all(axis=2)] = math.nan
         some *= factor
     first = first_of_each(labels, notes, lambda i: bool(np.isnan(positions[:, i]).any(axis=1).all()))

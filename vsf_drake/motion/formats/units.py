@@ -15,7 +15,7 @@ from vsf_drake.sentences import say
 LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}  # metres in each unit of length
 _LONG = {"meter": "m", "metre": "m", "centimeter": "cm", "centimetre": "cm", "millimeter": "mm", "millimetre": "mm",
          "inch": "in", "inches": "in"}
-_PIECE = 1 << 18
+_CHUNK = 1 << 18
 
 
 def listed(labels: Sequence[str], *, most: int = 20) -> str:
@@ -90,17 +90,17 @@ def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) 
 # Large arrays a piece at a time, so that no step needs a second array of their size.
 
 
-def pieces(rows: int, width: int = 3) -> Iterator[slice]:
+def chunks(rows: int, width: int = 3) -> Iterator[slice]:
     """Slices that cover `rows` rows of `width` numbers, 2 MB each."""
-    step = max(1, _PIECE // width)
+    step = max(1, _CHUNK // width)
     for first in range(0, rows, step):
         yield slice(first, min(first + step, rows))
 
 
 def turn(vectors: np.ndarray, rotation: np.ndarray) -> None:
     """Rotates vectors (n, 3) in place by a (3, 3) matrix."""
-    for piece in pieces(len(vectors)):
-        vectors[piece] = vectors[piece] @ rotation.T
+    for chunk in chunks(len(vectors)):
+        vectors[chunk] = vectors[chunk] @ rotation.T
 
 
 # The time column of a recording: increasing, without gaps, and freed from rounding.
@@ -122,7 +122,7 @@ class EvenClock(NamedTuple):
     step_s: float
     unit_s: float
 
-    def doubts(self, path: Path) -> list[str]:
+    def warnings(self, path: Path) -> list[str]:
         if self.unit_s < 0.9 * self.step_s or _whole(self.step_s, np.array(self.unit_s)):
             return []
         return say("files", "coarse_clock", file=path.name, unit_s=self.unit_s, step_s=self.step_s)
@@ -199,14 +199,14 @@ def check_clock(time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int 
     accelerations of tens of rad/s^2. What is truly uneven, or already even to a microsecond, stays as it is. Time must
     increase without a step longer than 0.1 s or five median steps; `lines` are the file's, of each.
     """
-    time, doubts = time_s, list[str]()
+    time, warnings = time_s, list[str]()
     if len(time) < rows:
         raise InputError(f"has {len(time)} rows", file=path, right=f"At least {rows} are needed")
     even = even_clock(time)
     if even is not None:
         instants = even.start_s + np.arange(len(time)) * even.step_s
         time = time if np.abs(instants - time).max() <= 1e-6 else instants
-        doubts = even.doubts(path)
+        warnings = even.warnings(path)
     step = np.diff(time)
     back, gap = step <= 0.0, step > min(LONGEST_STEP_S, LONGEST_STEPS * float(np.median(step))) * (1.0 + 1e-9)
     wrong = back if back.any() else gap
@@ -219,7 +219,7 @@ def check_clock(time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int 
         raise InputError(f"there is a gap of {step[row - 1]:.4g} s after {time[row - 1]:g} s (median step "
                          f"{np.median(step):.4g} s)", file=path, where=where,
                          right="Fill the gap in the recording, or cut it there")
-    return time, doubts
+    return time, warnings
 
 
 def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *,
@@ -253,4 +253,4 @@ def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *,
     slack = RATE_SHARE + 2.0 * even.unit_s / (time_s[-1] - time_s[0])
     if stated_hz is not None and abs(stated_hz / rate - 1.0) <= slack:
         rate = stated_hz
-    return rate, even.start_s, even.doubts(path)
+    return rate, even.start_s, even.warnings(path)

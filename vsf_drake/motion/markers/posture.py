@@ -291,9 +291,9 @@ def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
     front, back = points.get("asis"), points.get("psis", points.get("sacrum"))
     if front is None or back is None:
         return recording
-    ways = facing(front, back)
-    ways = ways[np.isfinite(ways).all(axis=1)]
-    mean = ways.mean(axis=0) if len(ways) else np.zeros(3)
+    directions = facing(front, back)
+    directions = directions[np.isfinite(directions).all(axis=1)]
+    mean = directions.mean(axis=0) if len(directions) else np.zeros(3)
     angle = float(np.arctan2(mean[1], mean[0]))
     if np.linalg.norm(mean) < SAME_WAY or abs(angle) < ASIDE_RAD:
         return recording

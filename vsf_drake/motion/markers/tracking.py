@@ -245,7 +245,7 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     # Single exchanges of all markers of the segments that do not fit, two at once of neighbours and partners. Each is
     # judged by what it leaves: distances from the segments' poses, and gaps in joints, since of three markers on one
     # segment the mirror image fits by turning over.
-    search = _Search(filled, suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)])
+    search = _PoseSearch(filled, suspect[np.linspace(0, suspect.size - 1, min(MOST_TRIED, suspect.size)).astype(int)])
     labels = {label: name for name, segment in segments.items() if name in involved for label in segment.labels}
     singles = list(combinations(labels, 2))
     best = search.best([(pair,) for pair in singles])
@@ -260,7 +260,7 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
     exchange, left = best
     equal = [_words(other) for other, cost in search.tried.items() if len(other) == len(exchange)
              and {*other} != {*exchange} and cost < AS_GOOD * left and search.explains(other).any()]
-    whole = _Search(filled, suspect)
+    whole = _PoseSearch(filled, suspect)
     explained = whole.explains(exchange)
     after = whole.after(exchange)
     changes = sorted(((1e3 * float(_rms(after[name][explained, k])), 1e3 * float(_rms(whole.own[name][explained, k])),
@@ -277,7 +277,7 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
                      f"{frames.size} frames in all){shown}", file=filled.path, right=RELABEL)
 
 
-class _Search:
+class _PoseSearch:
     """Exchanges of markers in some frames of a walk, and what each leaves."""
 
     def __init__(self, filled: FilledMarkers, frames: np.ndarray) -> None:

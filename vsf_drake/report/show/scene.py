@@ -295,7 +295,7 @@ def write_model_page(what: str, model: ModelParameters, path: str | Path, subjec
     fulcrum = scene.foot.parameters.fulcrum
     first, last = 1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m
     meshcat.StartRecording(FRAMES_PER_SECOND, set_visualizations_while_recording=False)
-    for i, values in enumerate(_course(scene, first, last)):
+    for i, values in enumerate(_line(scene, first, last)):
         scene.draw(values, i / FRAMES_PER_SECOND)
     meshcat.StopRecording()
     meshcat.get_mutable_recording().set_repetitions(ENDLESS)
@@ -305,7 +305,7 @@ def write_model_page(what: str, model: ModelParameters, path: str | Path, subjec
                                  first_mm=f"{first:g}", last_mm=f"{last:g}", others=others))
 
 
-def _course(scene: Scene, first: float, last: float) -> Iterator[dict[str, float]]:
+def _line(scene: Scene, first: float, last: float) -> Iterator[dict[str, float]]:
     """Values of all controls, frame after frame; the fulcrum goes from `first` to `last` (mm)."""
     start = scene.rest | {FULCRUM: first}
     for load in _ramp(0.0, SHOWN_LOAD_N, BEND_S):

@@ -135,8 +135,8 @@ def _motion(table: TuningTable, arrays: Arrays) -> Facts:
                            for trial, prefix in trials.items()}
     if "phase" in arrays:
         facts["figures"] |= {"stride_force": figures.stride_force_figure(table, arrays),
-                             "motion": figures.course_figure(table, arrays, "q"),
-                             "torque": figures.course_figure(table, arrays, "torque")}
+                             "motion": figures.stride_figure(table, arrays, "q"),
+                             "torque": figures.stride_figure(table, arrays, "torque")}
         facts["stride"] = [
             (name, suffix, float(np.linalg.norm(off))) for foot, name in reading.FEET.items()
             for suffix in ("_recorded", "_resimulated_prescribed", "_resimulated_feedback")

@@ -204,7 +204,7 @@ def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
 
 
 @_drawn
-def course_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) -> None:
+def stride_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) -> None:
     """Level 2: coordinates (`key` "q") or joint torques ("torque") over the gait cycle, and the recorded ones."""
     count = np.shape(arrays[key])[1]
     names, across = map(str, arrays["names"][-count:]), 4 if count > 6 else 3
@@ -214,7 +214,7 @@ def course_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) 
         for suffix in ("_recorded", ""):
             if f"{key}{suffix}" in arrays:
                 values = np.asarray(arrays[f"{key}{suffix}"])[:, i]
-                axes.plot(100.0 * np.asarray(arrays["phase"]), values if key == "torque" else _course(name, values),
+                axes.plot(100.0 * np.asarray(arrays["phase"]), values if key == "torque" else _line(name, values),
                           **_LINES[suffix])
         axes.set_ylabel("torque (N m)" if key == "torque" else
                         "from its mean (mm)" if name in reading.LENGTHS else "angle (°)")
@@ -222,7 +222,7 @@ def course_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) 
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
 
-def _course(name: str, values: np.ndarray) -> np.ndarray:
+def _line(name: str, values: np.ndarray) -> np.ndarray:
     """In the unit that is shown: degrees; or mm about a straight line, which for the pelvis's way is its progress."""
     if name not in reading.LENGTHS:
         return np.asarray(np.degrees(values))

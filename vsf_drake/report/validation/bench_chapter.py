@@ -27,7 +27,7 @@ from vsf_drake.report.style import (
 
 if TYPE_CHECKING:
     from vsf_drake.analysis.validation.bench_lines import CurveValues, SettingRow
-    from vsf_drake.analysis.validation.bench_section import BenchTable, LoadPoint
+    from vsf_drake.analysis.validation.bench_section import BenchSectionTable, LoadPoint
 
 _LINE_MARKERS = {"model": "o", "nominal": "s", "refined": "D", "calibrated": "^"}
 _LINE_GREYS = {"measured": "0.55", "model": "0.1", "nominal": "0.78", "refined": "0.38", "calibrated": "0.95"}
@@ -37,7 +37,7 @@ _DOTTED: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
 _OVER = {"frameon": True, "facecolor": "white", "edgecolor": "none", "framealpha": 1.0}
 
 
-def bench_chapter(table: BenchTable, arrays: Arrays) -> Chapter:
+def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
     """The chapter; `table` and `arrays` of the saved bench section."""
     lines, points, forefoot = table.lines, table.load_points, _forefoot(table)
     compared = [{"of": line.name + more, **vars(own)} for line in lines for more, own in (
@@ -86,7 +86,7 @@ def bench_chapter(table: BenchTable, arrays: Arrays) -> Chapter:
                    figures=figures)
 
 
-def _setting_rows(table: BenchTable) -> list[dict[str, object]]:
+def _setting_rows(table: BenchSectionTable) -> list[dict[str, object]]:
     return [{
         "setting": _position(row.fulcrum_mm), "max_load_n": row.max_load_n,
         "published_n_per_mm": row.published_n_per_mm, "repeats": row.repeats or None,
@@ -99,7 +99,7 @@ def _setting_rows(table: BenchTable) -> list[dict[str, object]]:
         for row in table.settings]
 
 
-def _forefoot(table: BenchTable) -> list[SettingRow]:
+def _forefoot(table: BenchSectionTable) -> list[SettingRow]:
     return [row for row in table.settings if row.fulcrum_mm is not None]
 
 
@@ -108,15 +108,15 @@ def _curve_of(row: SettingRow, key: str) -> CurveValues | None:
     return row.measured if key == "measured" else row.lines.get(key)
 
 
-def _source(table: BenchTable) -> str:
+def _source(table: BenchSectionTable) -> str:
     return "measured (SYNTHETIC)" if table.measured_synthetic else "measured"
 
 
-def _simulated(table: BenchTable) -> str:
+def _simulated(table: BenchSectionTable) -> str:
     return f"simulated: {table.lines[0].name}"
 
 
-def bench_agreement_figure(table: BenchTable, arrays: Arrays) -> Figure:
+def bench_agreement_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
     """Stiffness by fulcrum position; with measured curves also by what the simulation misses it and the mid-range
     displacement."""
     with drawing(10.5 if table.n else 6.4, 4.3) as figure:
@@ -128,7 +128,7 @@ def bench_agreement_figure(table: BenchTable, arrays: Arrays) -> Figure:
     return figure
 
 
-def _stiffness(axes: Axes, table: BenchTable) -> None:
+def _stiffness(axes: Axes, table: BenchSectionTable) -> None:
     rows = _forefoot(table)
     x, measured, half = (_numbers(rows, *keys) for keys in (
         ("fulcrum_mm",), ("measured", "stiffness_n_per_mm"), ("measured", "stiffness_n_per_mm_half_width")))
@@ -153,7 +153,7 @@ def _stiffness(axes: Axes, table: BenchTable) -> None:
     label(axes, x=FULCRUM, y="stiffness above 200 N (N/mm)", title="Stiffness")
 
 
-def _errors(axes: Axes, table: BenchTable, arrays: Arrays) -> None:
+def _errors(axes: Axes, table: BenchSectionTable, arrays: Arrays) -> None:
     rows, limit = _forefoot(table), table.limits["stiffness_rmse_n_per_mm"]
     axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} N/mm")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
@@ -174,7 +174,7 @@ def _errors(axes: Axes, table: BenchTable, arrays: Arrays) -> None:
     label(axes, x="measured stiffness (N/mm)", y="simulated less measured (N/mm)", title="Error of stiffness")
 
 
-def _offsets(axes: Axes, table: BenchTable) -> None:
+def _offsets(axes: Axes, table: BenchSectionTable) -> None:
     rows, limit = _forefoot(table), table.limits["mid_range_rmse_mm"]
     axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} mm")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
@@ -186,7 +186,7 @@ def _offsets(axes: Axes, table: BenchTable) -> None:
     label(axes, x=FULCRUM, y="simulated less measured (mm)", title="Offset Δ_D of the mid-range displacement")
 
 
-def _curves_figure(table: BenchTable, arrays: Arrays) -> Figure:
+def _curves_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
     """Load over displacement at every setting, experiment beside simulation, after Figure 4 of McGeehan 2021."""
     with drawing(10.5, 5.0) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2.4, 1.0), sharey=True)
@@ -207,7 +207,7 @@ def _curves_figure(table: BenchTable, arrays: Arrays) -> Figure:
     return figure
 
 
-def _setting(axes: Axes, i: int, row: SettingRow, table: BenchTable, arrays: Arrays) -> None:
+def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arrays: Arrays) -> None:
     colour, load, half = colour_of(row.fulcrum_mm), arrays["load_n"][i], arrays["measured_half_width_mm"][i]
     measured, model = arrays["measured_mm"][i], arrays["model_mm"][i]
     if np.isfinite(half).any():
@@ -225,7 +225,7 @@ def _setting(axes: Axes, i: int, row: SettingRow, table: BenchTable, arrays: Arr
         _tag(axes, row.fulcrum_mm, (ends[0], load[-1]), xytext=(0, 5), ha="center")
 
 
-def _energy_figure(table: BenchTable, arrays: Arrays) -> Figure:
+def _energy_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
     """Loading and unloading: the loop at the highest speed, what is lost by speed, and what is stored by position."""
     with drawing(10.5, 4.2) as figure:
         first, second, third = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))
@@ -235,7 +235,7 @@ def _energy_figure(table: BenchTable, arrays: Arrays) -> Figure:
     return figure
 
 
-def _loops(axes: Axes, table: BenchTable, arrays: Arrays) -> None:
+def _loops(axes: Axes, table: BenchSectionTable, arrays: Arrays) -> None:
     for fulcrum, x, load in zip(table.rate_settings_mm, arrays["loop_mm"], arrays["loop_n"], strict=True):
         colour = colour_of(fulcrum)
         axes.fill(np.concatenate(x), np.concatenate(load), color=colour, alpha=0.18, linewidth=0)
@@ -251,7 +251,7 @@ def _loops(axes: Axes, table: BenchTable, arrays: Arrays) -> None:
           title=f"There and back at {max(table.rate_speeds_mm_per_min):g} mm/min")
 
 
-def _losses(axes: Axes, table: BenchTable) -> None:
+def _losses(axes: Axes, table: BenchSectionTable) -> None:
     for i, fulcrum in enumerate(table.rate_settings_mm):
         rows = [row for row in table.rates if row.fulcrum_mm == fulcrum and row.lost_j > 0.0]
         axes.plot(_numbers(rows, "speed_mm_per_min"), [100.0 * (1.0 - row.return_ratio) for row in rows],
@@ -266,7 +266,7 @@ def _losses(axes: Axes, table: BenchTable) -> None:
     label(axes, x="speed of the platen (mm/min)", y="lost of what was stored (%)", title="Loss by speed")
 
 
-def _stored(axes: Axes, table: BenchTable) -> None:
+def _stored(axes: Axes, table: BenchSectionTable) -> None:
     slowest = min(table.rate_speeds_mm_per_min, key=lambda speed: abs(speed - table.speed_mm_per_min))
     rows = [row for row in table.rates if row.speed_mm_per_min == slowest]
     places = np.arange(len(rows))
@@ -307,7 +307,7 @@ def _load_point_figure(points: Sequence[LoadPoint]) -> Figure:
     return figure
 
 
-def _shape_figure(table: BenchTable, arrays: Arrays) -> Figure:
+def _shape_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
     """The linear and the curvilinear part of the curves: slope dF/dx over load on the left, curvature by position on
     the right."""
     with drawing(10.5, 4.4) as figure:

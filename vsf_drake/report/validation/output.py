@@ -76,7 +76,7 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
         own.mkdir(parents=True)
         save_walk(walk.result, own)
         save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, walk.metrics), own / "walk")
-        write_json(own / "metrics.json", {**plain(walk.metrics), "role": walk.role, "doubts": walk.doubts,
+        write_json(own / "metrics.json", {**plain(walk.metrics), "role": walk.role, "warnings": walk.warnings,
                                           "notes": walk.result.notes})
     conditions = [*study.conditions().values()]
     middle = conditions[len(conditions) // 2]

@@ -33,7 +33,7 @@ from vsf_drake.simulation.stepping.tree import (
 )
 
 if TYPE_CHECKING:
-    from vsf_drake.simulation.stepping.ways import Tangent, Ways
+    from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
 
 SITE_COLUMNS = ("p_BS_x", "p_BS_y", "p_BS_z", "radius", "stiffness", "exponent", "damping", "full_damping_depth",
                 "mu_static", "mu_kinetic", "threshold_velocity")
@@ -62,7 +62,7 @@ class Forces(NamedTuple):
     support_width: float  # m on either side of a joint, see the fulcrum's section
 
 
-class Contact(NamedTuple):
+class ContactWorkspace(NamedTuple):
     """Work space of S sites on B bodies with n coordinates."""
 
     near: np.ndarray  # (S + 1,) sites near the ground, their number last
@@ -80,7 +80,7 @@ class Contact(NamedTuple):
 
 @internal
 def find_sites(
-    h: float, forces: Forces, motion: Motion, ground: float, contact: Contact, record: np.ndarray
+    h: float, forces: Forces, motion: Motion, ground: float, contact: ContactWorkspace, record: np.ndarray
 ) -> None:
     """Centres, depths and which sites are near the ground at height `ground` (m) at the end of the step.
 
@@ -105,7 +105,7 @@ def find_sites(
 
 @internal
 def add_sites(
-    h: float, forces: Forces, contact: Contact, ground_rate: float, wanted: np.ndarray, which: bool,
+    h: float, forces: Forces, contact: ContactWorkspace, ground_rate: float, wanted: np.ndarray, which: bool,
     record: np.ndarray
 ) -> None:
     """Adds the ground's wrench on each body to F at the end velocities V, for the near sites with wanted == which.
@@ -161,21 +161,22 @@ def site_tangent(sites: np.ndarray, s: int, gain: float, record: np.ndarray, lea
 
 @internal
 def tangents(
-    forces: Forces, contact: Contact, links: np.ndarray, split: Split, least_slope: float, record: np.ndarray
+    forces: Forces, contact: ContactWorkspace, links: np.ndarray, dofs: FreePrescribed, least_slope: float,
+    record: np.ndarray
 ) -> None:
     """K (6, 6) = -dF/dV of every moving body with all that it carries.
 
     Of a site at r: X^T k X with k of `site_tangent` and X = [-[r]x  1], by which a motion moves the point; column j
     is the wrench of the force k X e_j. Composites are plain sums, as all motions and wrenches are about W's origin.
     """
-    K, moving = contact.K, split.moving
+    K, moving = contact.K, dofs.moving
     for k in range(moving.shape[0]):
         b = links[moving[k], 2]
         contact.loaded[b] = False
         K[b, :, :] = 0.0
     for a in range(contact.near[-1]):
         s = contact.near[a]
-        if not split.site_moves[s] or record[s, 1] <= 0.0:
+        if not dofs.site_moves[s] or record[s, 1] <= 0.0:
             continue
         b = forces.site_bodies[s]
         contact.loaded[b] = True
@@ -191,7 +192,7 @@ def tangents(
     # Inwards: a joint moves all that it carries.
     for k in range(moving.shape[0] - 1, -1, -1):
         parent, b = links[moving[k], 1], links[moving[k], 2]
-        if contact.loaded[b] and split.body_moves[parent]:
+        if contact.loaded[b] and dofs.body_moves[parent]:
             contact.loaded[parent] = True
             for i in range(6):
                 for j in range(6):
@@ -211,10 +212,10 @@ def add_springs(
         record[k] = -(h * by_x + by_rate)
 
 
-# What a step works on beside its numbers: which coordinates are free, and room so that nothing is allocated in it.
+# What a step works on beside its numbers: which coordinates are free, and workspace so that nothing is allocated in it.
 
 
-class Split(NamedTuple):
+class FreePrescribed(NamedTuple):
     """Which of n coordinates are free and what they move."""
 
     prescribed: np.ndarray  # indices
@@ -228,11 +229,11 @@ class Split(NamedTuple):
     still: np.ndarray  # the other links
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Work space of a step: nothing is allocated in it. f free of n coordinates, k springs."""
 
     motion: Motion
-    contact: Contact
+    contact: ContactWorkspace
     v0: np.ndarray  # (n,) here and below
     acceleration: np.ndarray
     bias: np.ndarray
@@ -252,26 +253,26 @@ class Room(NamedTuple):
     tolerance: float  # a step has converged when sqrt(r^T M^-1 r) is below it, in sqrt(kg) m/s
 
 
-def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Split:
+def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> FreePrescribed:
     """The split for `prescribed` coordinates."""
     free = np.setdiff1d(np.arange(tree.num_coordinates), prescribed)
     above, counts = chains(tree, free)
     place_of = np.full(tree.num_coordinates, -1)
     place_of[free] = np.arange(len(free))
     moves = np.asarray(tree.ancestors[:, free].any(axis=1))
-    return Split(prescribed=np.asarray(prescribed, dtype=np.int64), free=free, above=above, counts=counts,
+    return FreePrescribed(prescribed=np.asarray(prescribed, dtype=np.int64), free=free, above=above, counts=counts,
                  place=place_of, body_moves=moves, site_moves=moves[forces.site_bodies],
                  moving=np.flatnonzero(moves[tree.links[:, 2]]), still=np.flatnonzero(~moves[tree.links[:, 2]]))
 
 
-def step_room(tree: Tree, forces: Forces, split: Split, tolerance: float = TOLERANCE) -> Room:
-    """Room for a step of this tree."""
-    n, f, sites, bodies = tree.num_coordinates, len(split.free), len(forces.sites), len(tree.body_names)
-    contact = Contact(
+def step_workspace(tree: Tree, forces: Forces, dofs: FreePrescribed, tolerance: float = TOLERANCE) -> Workspace:
+    """Workspace for a step of this tree."""
+    n, f, sites, bodies = tree.num_coordinates, len(dofs.free), len(forces.sites), len(tree.body_names)
+    contact = ContactWorkspace(
         near=np.zeros(sites + 1, dtype=np.int64), center=np.zeros((sites, 3)), loaded=np.zeros(bodies, dtype=np.bool_),
         **{name: np.zeros(sites) for name in ("depth0", "gain", "elastic")}, V=np.zeros((bodies, 6)),
         F=np.zeros((bodies, 6)), K=np.zeros((bodies, 6, 6)), W=np.zeros((1, 6)), row=np.zeros(n))
-    return Room(
+    return Workspace(
         motion=work_space(tree), contact=contact,
         **{name: np.zeros(n) for name in ("v0", "acceleration", "bias", "applied", "tau", "trial")},
         delta=np.zeros((bodies, 6)), r=np.zeros(f), dx=np.zeros((f, 1)), y=np.zeros(f), M=np.zeros((f, f)),
@@ -309,7 +310,7 @@ def _unit_wrench(forces: Forces, motion: Motion, x: float, y: float, z: float) -
 
 @internal
 def find_support(
-    forces: Forces, motion: Motion, position: float, contact: Contact
+    forces: Forces, motion: Motion, position: float, contact: ContactWorkspace
 ) -> tuple[int, float, float, float]:
     """Writes unit wrench W and row of the support at `position` (m from A).
 
@@ -366,16 +367,17 @@ def add_support(
 
 @internal
 def add_support_tangent(
-    h: float, forces: Forces, split: Split, ways: Ways, room: Room, tangent: Tangent, support: np.ndarray
+    h: float, forces: Forces, dofs: FreePrescribed, directions: TangentDirections, workspace: Workspace,
+    tangent: Tangent, support: np.ndarray
 ) -> None:
     """Adds the support to Gq and E: only keel coordinates up to it change its forces, and only they feel them.
 
     By a displacement x of a keel coordinate, or of the support along the keel: with tau = row f, f = -k w - d w' and
     w = w0 + h w', the residual changes by -d(row)/dx f - row df/dx, where df/dx = -k (dw0/dx + h dw'/dx) - d dw'/dx.
     """
-    motion, V, keel, row, front = room.motion, room.contact.V, forces.keel_coordinates, room.contact.row, room.keel[0]
-    weight, slope, d_row = room.fulcrum[1], room.fulcrum[2], tangent.d_row
-    for column in range(front + 2 if ways.slides else front + 1):
+    motion, V, row, d_row = workspace.motion, workspace.contact.V, workspace.contact.row, tangent.d_row
+    keel, front, weight, slope = forces.keel_coordinates, workspace.keel[0], workspace.fulcrum[1], workspace.fulcrum[2]
+    for column in range(front + 2 if directions.slides else front + 1):
         sliding = column > front
         # Of w0, w' and row: sums over the one or two pieces that bear, each with its share, which slides too.
         d_deflection, d_rate = 0.0, 0.0
@@ -383,7 +385,7 @@ def add_support_tangent(
         for piece in range(front - 1 if weight < 1.0 else front, front + 1):
             share, turn = (weight, slope) if piece == front else (1.0 - weight, -slope)
             rise, by_rate, y, y_rate = _piece_change(
-                forces, motion, V, piece, room.fulcrum[0], column, front, share, turn if sliding else 0.0, d_row)
+                forces, motion, V, piece, workspace.fulcrum[0], column, front, share, turn if sliding else 0.0, d_row)
             d_deflection += share * rise
             d_rate += share * by_rate
             if sliding:
@@ -395,22 +397,23 @@ def add_support_tangent(
         # Of the force, and of what the keel's joints feel of it.
         d_force = -forces.fulcrum[0] * (d_deflection + h * d_rate) - forces.fulcrum[1] * d_rate
         for k in range(front + 1):
-            i = split.place[keel[k]]
+            i = dofs.place[keel[k]]
             if i < 0:
                 continue
             change = d_row[k] * support[0] + row[keel[k]] * d_force
             if sliding:
-                for p in range(ways.slide.shape[0]):
-                    tangent.E[i, p] -= change * ways.slide[p]
-            elif split.place[keel[column]] >= 0:
-                tangent.Gq[i, split.place[keel[column]]] -= change
+                for p in range(directions.slide.shape[0]):
+                    tangent.E[i, p] -= change * directions.slide[p]
+            elif dofs.place[keel[column]] >= 0:
+                tangent.Gq[i, dofs.place[keel[column]]] -= change
 
     # By the support's own constants: f is linear in them, -df = w dk + w' dd.
     for k in range(front + 1):
-        i = split.place[keel[k]]
+        i = dofs.place[keel[k]]
         if i >= 0:
-            for p in range(ways.support.shape[0]):
-                tangent.E[i, p] += row[keel[k]] * (ways.support[p, 0] * support[1] + ways.support[p, 1] * support[2])
+            for p in range(directions.support.shape[0]):
+                tangent.E[i, p] += row[keel[k]] * (
+                    directions.support[p, 0] * support[1] + directions.support[p, 1] * support[2])
 
 
 @internal

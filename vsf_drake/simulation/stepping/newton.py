@@ -25,8 +25,8 @@ import numpy as np
 from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.simulation.stepping.assembly import (
     Forces,
-    Room,
-    Split,
+    FreePrescribed,
+    Workspace,
     add_sites,
     add_springs,
     add_support,
@@ -60,7 +60,8 @@ LENGTHEN = 4.0
 
 @compiled
 def step(
-    h: float, tree: TreeArrays, forces: Forces, split: Split, room: Room, ground: float, ground_rate: float,
+    h: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, workspace: Workspace, ground: float,
+    ground_rate: float,
     fulcrum: float, q_next: np.ndarray, M: np.ndarray, C: np.ndarray, q: np.ndarray, v: np.ndarray, load: np.ndarray,
     sites: np.ndarray, support: np.ndarray
 ) -> tuple[int, bool]:
@@ -69,26 +70,27 @@ def step(
     Height (m) of the ground, its rate, the fulcrum (m from A) and the prescribed coordinates q_next are those at the
     end. The mass matrix M (n, n) and C(q0, v0) v0 - tau_g(q0) (n,) are worked out here where M is (0, 0). Writes sites
     (S, 9) and support (3,), see `assembly`, and to load (n,) the forces that drive the coordinates: those that hold the
-    prescribed ones, and in the others what `room` applies, but for the residual.
+    prescribed ones, and in the others what `workspace` applies, but for the residual.
     """
-    free, prescribed, motion, contact = split.free, split.prescribed, room.motion, room.contact
-    nf, bias, r, dx, trial = free.shape[0], room.bias, room.r, room.dx, room.trial
+    free, prescribed, motion, contact = dofs.free, dofs.prescribed, workspace.motion, workspace.contact
+    nf, bias, r, dx, trial = free.shape[0], workspace.bias, workspace.r, workspace.dx, workspace.trial
 
     # The pose q0, frozen over the step: motions S of the joints, centres and depths d0 of the spheres, and the support
     # with its deflection w0 and the power `row` of its force on each coordinate.
     place(tree, q, motion)
     find_sites(h, forces, motion, ground, contact, sites)
-    deflection, room.fulcrum[0] = 0.0, fulcrum
+    deflection, workspace.fulcrum[0] = 0.0, fulcrum
     if forces.fulcrum[0] > 0.0:
-        room.keel[0], room.fulcrum[1], room.fulcrum[2], deflection = find_support(forces, motion, fulcrum, contact)
+        workspace.keel[0], workspace.fulcrum[1], workspace.fulcrum[2], deflection = find_support(forces, motion,
+                                                                                                 fulcrum, contact)
 
     # Prescribed coordinates c are known: v_c = (q_next - q0)_c / h and a_c = (v - v0)_c / h; a = 0 in all others.
-    copy(v, room.v0)
-    room.acceleration[:] = 0.0
+    copy(v, workspace.v0)
+    workspace.acceleration[:] = 0.0
     for k in range(prescribed.shape[0]):
         c = prescribed[k]
         v[c] = (q_next[k] - q[c]) / h
-        room.acceleration[c] = (v[c] - room.v0[c]) / h
+        workspace.acceleration[c] = (v[c] - workspace.v0[c]) / h
 
     # bias = C(q0, v0) v0 - tau_g + M a with that a, by inverse dynamics if M and C are not given, and M = L L^T over
     # the free coordinates. Their equations are then   r(v) = M (v - v0) + h (bias - tau(v)) = 0.
@@ -97,14 +99,14 @@ def step(
         for i in range(q.shape[0]):
             bias[i] = C[i]
             for k in range(prescribed.shape[0]):
-                bias[i] += M[i, prescribed[k]] * room.acceleration[prescribed[k]]
+                bias[i] += M[i, prescribed[k]] * workspace.acceleration[prescribed[k]]
         for i in range(nf):
             for k in range(nf):
-                room.M[i, k] = M[free[i], free[k]]
+                workspace.M[i, k] = M[free[i], free[k]]
     else:
-        inverse_dynamics(tree, room.v0, room.acceleration, motion, bias)
-        mass_matrix(tree, motion, free, split.above, split.counts, room.M)
-    cholesky(room.M, room.L)
+        inverse_dynamics(tree, workspace.v0, workspace.acceleration, motion, bias)
+        mass_matrix(tree, motion, free, dofs.above, dofs.counts, workspace.M)
+    cholesky(workspace.M, workspace.L)
 
     # Newton's method from v = v0: solve A dx = -r with A = dr/dv, go to v + scale dx, until r^T M^-1 r, twice the
     # kinetic energy of what is left, is small. In the first round dx is 0: it works out r at v0 alone.
@@ -121,8 +123,8 @@ def step(
         for _ in range(MAX_TRIALS):
             for i in range(nf):
                 trial[free[i]] = v[free[i]] + scale * dx[i, 0]
-            _residual(h, tree.links, forces, split, room, deflection, ground_rate, q, sites, support)
-            converged = scaled_norm(room.L, r, room.y) <= room.tolerance
+            _residual(h, tree.links, forces, dofs, workspace, deflection, ground_rate, q, sites, support)
+            converged = scaled_norm(workspace.L, r, workspace.y) <= workspace.tolerance
             slope = 0.0
             for i in range(nf):
                 slope += dx[i, 0] * r[i]
@@ -142,10 +144,10 @@ def step(
         for least_slope in (EXACT, FLAT):
             if least_slope == EXACT and iterations < EXACT_FROM:
                 continue
-            tangent_matrix(h, tree, forces, split, room, least_slope, sites)
+            tangent_matrix(h, tree, forces, dofs, workspace, least_slope, sites)
             for i in range(nf):
                 dx[i, 0] = -r[i]
-            solve_columns(room.A, dx)
+            solve_columns(workspace.A, dx)
             slope0 = 0.0
             for i in range(nf):
                 slope0 += dx[i, 0] * r[i]
@@ -154,8 +156,8 @@ def step(
 
     # Forces on what only prescribed coordinates move, which had no part in r; the loads that hold these; then
     # q = q0 + h v, with prescribed coordinates where they were to go without rounding.
-    add_sites(h, forces, contact, ground_rate, split.site_moves, False, sites)
-    _loads(h, tree, split, room, given, M, v, load)
+    add_sites(h, forces, contact, ground_rate, dofs.site_moves, False, sites)
+    _loads(h, tree, dofs, workspace, given, M, v, load)
     for c in range(q.shape[0]):
         q[c] += h * v[c]
     for k in range(prescribed.shape[0]):
@@ -181,50 +183,51 @@ def _velocities(links: np.ndarray, S: np.ndarray, v: np.ndarray, V: np.ndarray) 
 
 @compiled
 def _residual(
-    h: float, links: np.ndarray, forces: Forces, split: Split, room: Room, deflection: float, ground_rate: float,
-    q: np.ndarray, sites: np.ndarray, support: np.ndarray
+    h: float, links: np.ndarray, forces: Forces, dofs: FreePrescribed, workspace: Workspace, deflection: float,
+    ground_rate: float, q: np.ndarray, sites: np.ndarray, support: np.ndarray
 ) -> None:
     """r (f,) = M (v - v0) + h (bias - tau) at the trial velocity, over the free coordinates."""
-    motion, contact, tau, trial, moving = room.motion, room.contact, room.tau, room.trial, split.moving
-    V, F, S, free = contact.V, contact.F, motion.S, split.free
+    motion, contact, tau, trial = workspace.motion, workspace.contact, workspace.tau, workspace.trial
+    V, F, S, free, moving = contact.V, contact.F, motion.S, dofs.free, dofs.moving
 
     # End velocities of the bodies that move with it, and the ground's wrenches F on them.
     for k in range(moving.shape[0]):
         parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
         put(V, b, six(V, parent) if c < 0 else plus(six(V, parent), six(S, c), trial[c]))
     F[:] = 0.0
-    add_sites(h, forces, contact, ground_rate, split.site_moves, True, sites)
+    add_sites(h, forces, contact, ground_rate, dofs.site_moves, True, sites)
 
     # tau_c = applied + springs + support + S_c . (sum of F over all that c carries)
-    copy(room.applied, tau)
-    add_springs(h, trial, q, forces, tau, room.springs)
+    copy(workspace.applied, tau)
+    add_springs(h, trial, q, forces, tau, workspace.springs)
     if forces.fulcrum[0] > 0.0:
         add_support(h, trial, forces, deflection, contact.row, tau, support)
     for k in range(moving.shape[0] - 1, -1, -1):
         parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
-        if c >= 0 and split.place[c] >= 0:
+        if c >= 0 and dofs.place[c] >= 0:
             tau[c] += dot(six(S, c), six(F, b))
         add(F, parent, six(F, b))
 
     for i in range(free.shape[0]):
-        room.r[i] = h * (room.bias[free[i]] - tau[free[i]])
+        workspace.r[i] = h * (workspace.bias[free[i]] - tau[free[i]])
         for k in range(free.shape[0]):
-            room.r[i] += room.M[i, k] * (trial[free[k]] - room.v0[free[k]])
+            workspace.r[i] += workspace.M[i, k] * (trial[free[k]] - workspace.v0[free[k]])
 
 
 @compiled
 def tangent_matrix(
-    h: float, tree: TreeArrays, forces: Forces, split: Split, room: Room, least_slope: float, sites: np.ndarray
+    h: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, workspace: Workspace, least_slope: float,
+    sites: np.ndarray
 ) -> None:
     """Writes A (f, f) = dr/dv at the last residual; a friction curve that falls more counts as `least_slope` (s/m).
 
     A = M - h dtau/dv: to M contact adds h S_i . K S_j, a spring h (h k + d) on the diagonal, and the support
     h (h k + d) row row^T. A is not symmetric, as friction depends on the normal force.
     """
-    contact, S, A, free = room.contact, room.motion.S, room.A, split.free
-    tangents(forces, contact, tree.links, split, least_slope, sites)
+    contact, S, A, free = workspace.contact, workspace.motion.S, workspace.A, dofs.free
+    tangents(forces, contact, tree.links, dofs, least_slope, sites)
     for i in range(free.shape[0]):
-        copy(room.M[i], A[i])
+        copy(workspace.M[i], A[i])
 
     # Of two joints of which j carries i (or is it) both move all that i carries: K is that of i's body.
     for i in range(free.shape[0]):
@@ -232,60 +235,61 @@ def tangent_matrix(
         b = tree.bodies[c]
         if contact.loaded[b]:
             right, left = times(contact.K, b, six(S, c)), transposed_times(contact.K, b, six(S, c))
-            for k in range(split.counts[i]):
-                j = split.above[i, k]
+            for k in range(dofs.counts[i]):
+                j = dofs.above[i, k]
                 A[j, i] += h * dot(six(S, free[j]), right)
                 if j != i:
                     A[i, j] += h * dot(six(S, free[j]), left)
 
     for k in range(forces.spring_index.shape[0]):
-        i = split.place[forces.spring_index[k]]
+        i = dofs.place[forces.spring_index[k]]
         if i >= 0:
-            A[i, i] += h * room.springs[k]
+            A[i, i] += h * workspace.springs[k]
     if forces.fulcrum[0] > 0.0:
         gain, row, keel = h * (h * forces.fulcrum[0] + forces.fulcrum[1]), contact.row, forces.keel_coordinates
         for a in range(keel.shape[0]):
-            i = split.place[keel[a]]
+            i = dofs.place[keel[a]]
             if i >= 0 and row[keel[a]] != 0.0:
                 for k in range(keel.shape[0]):
-                    j = split.place[keel[k]]
+                    j = dofs.place[keel[k]]
                     if j >= 0:
                         A[i, j] += gain * row[keel[a]] * row[keel[k]]
 
 
 @internal
 def _loads(
-    h: float, tree: TreeArrays, split: Split, room: Room, given: bool, M: np.ndarray, v: np.ndarray, load: np.ndarray
+    h: float, tree: TreeArrays, dofs: FreePrescribed, workspace: Workspace, given: bool, M: np.ndarray, v: np.ndarray,
+    load: np.ndarray
 ) -> None:
-    """Loads of all coordinates, and A and f of `room.motion` at the accelerations of the step, unless `given`.
+    """Loads of all coordinates, and A and f of `workspace.motion` at the accelerations of the step, unless `given`.
 
     load = C v0 - tau_g + M (v - v0) / h - (tau - applied) - S_c . F: what the equations of motion leave to the drive.
     """
-    motion, F, delta, S = room.motion, room.contact.F, room.delta, room.motion.S
+    motion, F, delta, S = workspace.motion, workspace.contact.F, workspace.delta, workspace.motion.S
 
     # F of all that each body carries, also where nothing free moves it.
-    for k in range(split.still.shape[0] - 1, -1, -1):
-        add(F, tree.links[split.still[k], 1], six(F, tree.links[split.still[k], 2]))
+    for k in range(dofs.still.shape[0] - 1, -1, -1):
+        add(F, tree.links[dofs.still[k], 1], six(F, tree.links[dofs.still[k], 2]))
 
     # Inverse dynamics so far has a = 0 in the free coordinates. Their (v - v0) / h add to it: M a if M is given, else
     # delta_b = delta_parent + S_c a_c to the accelerations and I_b delta_b, summed inwards, to the forces.
     if given:
         for c in range(v.shape[0]):
-            load[c] = room.bias[c]
-            for k in range(split.free.shape[0]):
-                load[c] += M[c, split.free[k]] * (v[split.free[k]] - room.v0[split.free[k]]) / h
+            load[c] = workspace.bias[c]
+            for k in range(dofs.free.shape[0]):
+                load[c] += M[c, dofs.free[k]] * (v[dofs.free[k]] - workspace.v0[dofs.free[k]]) / h
     else:
         delta[:] = 0.0
-        for k in range(split.moving.shape[0]):
-            m = split.moving[k]
+        for k in range(dofs.moving.shape[0]):
+            m = dofs.moving[k]
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-            change = six(delta, parent) if split.body_moves[parent] else REST
-            if c >= 0 and split.place[c] >= 0:
-                change = plus(change, six(S, c), (v[c] - room.v0[c]) / h)
+            change = six(delta, parent) if dofs.body_moves[parent] else REST
+            if c >= 0 and dofs.place[c] >= 0:
+                change = plus(change, six(S, c), (v[c] - workspace.v0[c]) / h)
             put(delta, b, change)
             add(motion.A, b, change)
-        for k in range(split.moving.shape[0]):
-            b = tree.links[split.moving[k], 2]
+        for k in range(dofs.moving.shape[0]):
+            b = tree.links[dofs.moving[k], 2]
             put(delta, b, inertia_times(motion.own, b, six(delta, b)))
         for m in range(tree.links.shape[0] - 1, -1, -1):
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
@@ -296,8 +300,8 @@ def _loads(
 
     # Less what the stiff forces give. The tau of free coordinates has S_c . F already; `applied` is the drive's own.
     for c in range(v.shape[0]):
-        load[c] -= room.tau[c] - room.applied[c]
-        if split.place[c] < 0:
+        load[c] -= workspace.tau[c] - workspace.applied[c]
+        if dofs.place[c] < 0:
             load[c] -= dot(six(S, c), six(F, tree.bodies[c]))
 
 

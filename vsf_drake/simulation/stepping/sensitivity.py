@@ -1,13 +1,13 @@
 """Sensitivities of a run carried along its steps, compiled.
 
-If a parameter changes the state at the start of a step by (dq0, dv0), and the end velocity of prescribed ways by du,
-that of the free ones changes by dv, where
+If a parameter changes the state at the start of a step by (dq0, dv0), and the end velocity of prescribed directions by
+du, that of the free ones changes by dv, where
 
     A dv = -h ( Gq dq0 + Gv dv0 + E - dtau ) - B du,        dq = dq0 + h dv
 
 with A the tangent of Newton's method, friction's falling branch included, Gq, Gv, B, E from `linearise`, and dtau what
 the state at the start of the whole step changes in the applied torques. A constant
-shift has dv0 = du = 0; a course has the mean velocity of the step, as the coordinate that it moves. That is
+shift has dv0 = du = 0; a perturbation has the mean velocity of the step, as the coordinate that it moves. That is
 exact for the numerical solution, up to where a sphere touches down or a law has a corner: the instant at
 which that happens is not differentiated, its step is.
 """
@@ -27,12 +27,21 @@ from vsf_drake.simulation.stepping.assembly import (
     SITE_COLUMNS,
     SITE_RECORD,
     Forces,
-    Room,
-    Split,
+    FreePrescribed,
+    Workspace,
     add_support_tangent,
     site_tangent,
     split_coordinates,
-    step_room,
+    step_workspace,
+)
+from vsf_drake.simulation.stepping.directions import (
+    ABOVE,
+    BELOW,
+    ParameterTangent,
+    Tangent,
+    TangentDirections,
+    make_directions,
+    tangent_workspace,
 )
 from vsf_drake.simulation.stepping.newton import EXACT, copy, solve_columns, step, tangent_matrix
 from vsf_drake.simulation.stepping.tree import (
@@ -56,7 +65,6 @@ from vsf_drake.simulation.stepping.tree import (
     transposed_times,
     tree_arrays,
 )
-from vsf_drake.simulation.stepping.ways import CARRIED, CARRIES, Edit, Tangent, Ways, make_ways, tangent_room
 
 if TYPE_CHECKING:
     from vsf_drake.simulation.stepping.stepper import Record, Torques
@@ -64,26 +72,27 @@ if TYPE_CHECKING:
 
 @internal
 def carry(
-    h: float, k: int, share: float, part: float, tree: TreeArrays, forces: Forces, split: Split, ways: Ways, room: Room,
-    tangent: Tangent, q0: np.ndarray, v: np.ndarray, record: Record
+    h: float, k: int, share: float, part: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed,
+    directions: TangentDirections, workspace: Workspace, tangent: Tangent, q0: np.ndarray, v: np.ndarray, record: Record
 ) -> None:
     """Takes `tangent` from the start to the end of the step that `newton.step` has just made, and writes to `record`.
 
     It ends `share` of the way from instant k of the run's grid to the next, and is `part` of that way; q0 (n,) are the
     coordinates at its start, v (n,) the velocities at its end. `record` holds what it left of sites and support.
     """
-    nf, (C, P), rhs, end = split.free.shape[0], ways.unit.shape, tangent.rhs, tangent.v_end
-    tangent_matrix(h, tree, forces, split, room, EXACT, record.sites[k])
-    linearise(h, tree, forces, split, ways, room, tangent, q0, v, record.sites[k], record.fulcrum[k])
+    nf, (C, P), rhs, end = dofs.free.shape[0], directions.unit.shape, tangent.rhs, tangent.v_end
+    tangent_matrix(h, tree, forces, dofs, workspace, EXACT, record.sites[k])
+    linearise(h, tree, forces, dofs, directions, workspace, tangent, q0, v, record.sites[k], record.fulcrum[k])
 
-    # du of prescribed ways: 0, but for courses, which go straight over the step, as in `stepper.piece`.
-    for e in range(ways.course_way.shape[0]):
-        j, p, there = ways.course_way[e], ways.course_parameter[e], ways.path[k + 1, e]
+    # du of prescribed directions: 0, but for perturbations, which go straight over the step, as in `stepper.piece`.
+    for e in range(directions.perturbation_direction.shape[0]):
+        j, p = directions.perturbation_direction[e], directions.perturbation_parameter[e]
+        there = directions.path[k + 1, e]
         if share < 1.0:
-            there = ways.path[k, e] + share * (there - ways.path[k, e])
+            there = directions.path[k, e] + share * (there - directions.path[k, e])
         end[j, p] = (there - tangent.q[j, p]) / h
 
-    # Solve A dv = h (dtau - E) - h Gq dq0 - h Gv dv0 - B du for the free ways.
+    # Solve A dv = h (dtau - E) - h Gq dq0 - h Gv dv0 - B du for the free directions.
     for i in range(nf):
         for p in range(P):
             rhs[i, p] = h * (tangent.torque[i, p] - tangent.E[i, p])
@@ -91,17 +100,17 @@ def carry(
             by_q, by_v, by_end = -h * tangent.Gq[i, j], -h * tangent.Gv[i, j], -tangent.B[i, j] if j >= nf else 0.0
             for p in range(P):
                 rhs[i, p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
-    solve_columns(room.A, rhs)
+    solve_columns(workspace.A, rhs)
     for i in range(nf):
         copy(rhs[i], end[i])
 
-    # The measured wrench: dT + (P S - K (V_p x S)) dq0 - K S dv, summed over the ways.
+    # The measured wrench: dT + (P S - K (V_p x S)) dq0 - K S dv, summed over the directions.
     wrench = record.wrench_by[k]
     for i in range(6):
         for p in range(P):
             wrench[i, p] = tangent.dT[p, i]
     for j in range(C):
-        b = ways.body[j]
+        b = directions.body[j]
         if tangent.touched[b]:
             S = six(tangent.S, j)
             K_S = times(tangent.out_K, b, S)
@@ -110,10 +119,10 @@ def carry(
                 for p in range(P):
                     wrench[i, p] += P_S[i] * tangent.q[j, p] - K_S[i] * end[j, p]
 
-    # The load that holds a prescribed coordinate is what its own equation leaves, on average over the pieces of a step:
-    # dload = E + Gq dq0 + Gv dv0 + B dv / h.
-    for i in range(nf, ways.rows.shape[0]):
-        load = record.load_by[k, ways.rows[i]]
+    # The load that holds a prescribed coordinate is what its own equation leaves, on average over the substeps of a
+    # step: dload = E + Gq dq0 + Gv dv0 + B dv / h.
+    for i in range(nf, directions.rows.shape[0]):
+        load = record.load_by[k, directions.rows[i]]
         for p in range(P):
             load[p] += part * tangent.E[i, p]
         for j in range(C):
@@ -129,84 +138,89 @@ def carry(
 
 
 @internal
-def write_state(k: int, torques: Torques, split: Split, ways: Ways, tangent: Tangent, record: Record) -> None:
+def write_state(k: int, torques: Torques, dofs: FreePrescribed, directions: TangentDirections, tangent: Tangent,
+                record: Record) -> None:
     """Writes the derivatives of the state at the end of step k, and of the torques that were applied over it."""
-    for j in range(ways.body.shape[0]):
-        c = ways.coordinate[j]
+    for j in range(directions.body.shape[0]):
+        c = directions.coordinate[j]
         if c >= 0:
-            for p in range(ways.unit.shape[1]):
+            for p in range(directions.unit.shape[1]):
                 record.q_by[k, c, p] = tangent.q[j, p]
                 record.v_by[k, c, p] = tangent.v[j, p]
     for i in range(torques.coordinates.shape[0]):
         c = torques.coordinates[i]
-        for p in range(ways.unit.shape[1]):
-            record.load_by[k, c, p] = tangent.torque[split.place[c], p]
+        for p in range(directions.unit.shape[1]):
+            record.load_by[k, c, p] = tangent.torque[dofs.place[c], p]
 
 
 # Parameters whose sensitivities a run carries along, and how the state at its start depends on them.
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
+class ForwardSensitivity:
     """P parameters: what a unit of each adds, and where a run with them begins."""
 
-    edits: tuple[Edit, ...]
+    tangents: tuple[ParameterTangent, ...]
     measured: np.ndarray
     """(S,) bool, the sites whose resultant wrench is differentiated."""
     q0: np.ndarray
-    """(n, P) derivatives of the coordinates at the start; those of the velocities are zero but for courses' rates."""
+    """(n, P) derivatives of the coordinates at the start; those of the velocities are zero but for perturbations'
+    rates."""
     loads: bool = False
     """Whether derivatives of loads and state are left too; not for edits of a coordinate."""
 
-    def prepare(self, tree: Tree, forces: Forces, split: Split, steps: int) -> tuple[Ways, Tangent]:
+    def prepare(self, tree: Tree, forces: Forces, dofs: FreePrescribed, steps: int) -> tuple[TangentDirections,
+                                                                                             Tangent]:
         """Arrays for compiled code, at the start of a run of so many steps."""
-        for edit in self.edits:
-            if self.loads and edit.coordinate is not None:
-                raise ValueError(f"loads are not differentiated by shifts of {edit.coordinate}")
-            if edit.course is not None and len(edit.course) != steps + 1:
-                raise ValueError(f"a course has {len(edit.course)} instants, the run {steps + 1}")
-        ways = make_ways(tree, forces, split, self.edits, measured=self.measured, loads=self.loads)
-        tangent = tangent_room(tree, split, ways)
-        tangent.q[: len(split.free)] = self.q0[split.free]
-        return ways, tangent
+        for by_unit in self.tangents:
+            if self.loads and by_unit.coordinate is not None:
+                raise ValueError(f"loads are not differentiated by shifts of {by_unit.coordinate}")
+            if by_unit.perturbation is not None and len(by_unit.perturbation) != steps + 1:
+                raise ValueError(f"a perturbation has {len(by_unit.perturbation)} instants, the run {steps + 1}")
+        directions = make_directions(tree, forces, dofs, self.tangents, measured=self.measured, loads=self.loads)
+        tangent = tangent_workspace(tree, dofs, directions)
+        tangent.q[: len(dofs.free)] = self.q0[dofs.free]
+        return directions, tangent
 
 
 def rest_sensitivity(
-    tree: Tree, forces: Forces, prescribed: np.ndarray, q: np.ndarray, edits: tuple[Edit, ...], *, fulcrum: float,
-    ground: float
+    tree: Tree, forces: Forces, prescribed: np.ndarray, q: np.ndarray, tangents: tuple[ParameterTangent, ...], *,
+    fulcrum: float, ground: float
 ) -> np.ndarray:
     """(n, P) derivatives of a rest position q (n,) by the parameters, from the linearised balance of forces.
 
     `prescribed` are indices of the coordinates that are held; fulcrum (m from A), height of the ground (m). InputError
     if no force holds one of the others at rest, so that its rest has no derivative.
     """
-    h, split = 1e-3, split_coordinates(tree, forces, prescribed)
-    room, arrays = step_room(tree, forces, split), tree_arrays(tree)
-    ways = make_ways(tree, forces, split, edits, measured=np.zeros(len(forces.sites), dtype=bool))
-    tangent = tangent_room(tree, split, ways)
+    h, dofs = 1e-3, split_coordinates(tree, forces, prescribed)
+    workspace, arrays = step_workspace(tree, forces, dofs), tree_arrays(tree)
+    directions = make_directions(tree, forces, dofs, tangents, measured=np.zeros(len(forces.sites), dtype=bool))
+    tangent = tangent_workspace(tree, dofs, directions)
     end, v, sites, support = q.copy(), np.zeros_like(q), np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3)
 
-    # At rest dv0 = dv = 0 over any step: the free ways must balance, Gq_free dq = -(Gq_prescribed unit + E).
-    step(h, arrays, forces, split, room, ground, 0.0, fulcrum, q[prescribed], np.zeros((0, 0)), np.zeros(0),
+    # At rest dv0 = dv = 0 over any step: the free directions must balance, Gq_free dq = -(Gq_prescribed unit + E).
+    step(h, arrays, forces, dofs, workspace, ground, 0.0, fulcrum, q[prescribed], np.zeros((0, 0)), np.zeros(0),
          end, v, np.zeros_like(q), sites, support)
-    tangent_matrix(h, arrays, forces, split, room, EXACT, sites)
-    linearise(h, arrays, forces, split, ways, room, tangent, q, v, sites, support)
-    count = len(split.free)
-    by = np.zeros((len(q), len(edits)))
+    tangent_matrix(h, arrays, forces, dofs, workspace, EXACT, sites)
+    linearise(h, arrays, forces, dofs, directions, workspace, tangent, q, v, sites, support)
+    count = len(dofs.free)
+    by = np.zeros((len(q), len(tangents)))
     try:
-        by[split.free] = -np.linalg.solve(tangent.Gq[:, :count], tangent.Gq[:, count:] @ ways.unit[count:] + tangent.E)
+        moved = tangent.Gq[:, count:] @ directions.unit[count:] + tangent.E
+        by[dofs.free] = -np.linalg.solve(tangent.Gq[:, :count], moved)
     except np.linalg.LinAlgError:
-        loose = split.free[np.argmin(np.abs(tangent.Gq[:, :count]).sum(axis=1))]
+        loose = dofs.free[np.argmin(np.abs(tangent.Gq[:, :count]).sum(axis=1))]
         raise InputError(f"no force holds {tree.coordinate_names[loose]} at rest: where it starts has no derivative",
                          where="with_respect_to", right="Let the recording say where it starts") from None
-    shifted = ways.coordinate[count:] >= 0
-    np.add.at(by, ways.coordinate[count:][shifted], ways.unit[count:][shifted])
+    shifted = directions.coordinate[count:] >= 0
+    np.add.at(by, directions.coordinate[count:][shifted], directions.unit[count:][shifted])
     return by
 
 
 @internal
 def differentiate_torques(k: int, torques: Torques, place: np.ndarray, tangent: Tangent) -> None:
-    """Writes the derivatives of the forces of step k to `tangent.torque` (f, P); place (n,): see `assembly.Split`.
+    """Writes the derivatives of the forces of step k to `tangent.torque` (f, P); place (n,): see
+    `assembly.FreePrescribed`.
 
     dtau = -gain (dq, dv) of the sensed coordinates at the step's start.
     """
@@ -228,45 +242,45 @@ def differentiate_torques(k: int, torques: Torques, place: np.ndarray, tangent: 
 # asked for. Those of the inverse dynamics are the closed forms of Singh, Russell and Wensing (arXiv 2105.05102), all
 # about the world's origin; contact follows the same pattern: derivatives of the wrench on a body by its displacement
 # and velocity (`_add_site_tangents`) add up over all that a joint carries. In the derivatives by the end velocity
-# springs and support are left out: of free rows by free ways they are `newton.tangent_matrix`.
+# springs and support are left out: of free rows by free directions they are `newton.tangent_matrix`.
 
 
 @compiled
 def linearise(
-    h: float, tree: TreeArrays, forces: Forces, split: Split, ways: Ways, room: Room, tangent: Tangent, q0: np.ndarray,
-    v: np.ndarray, sites: np.ndarray, support: np.ndarray
+    h: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, directions: TangentDirections,
+    workspace: Workspace, tangent: Tangent, q0: np.ndarray, v: np.ndarray, sites: np.ndarray, support: np.ndarray
 ) -> None:
     """Writes Gq, Gv, B, E and the measured wrench's composites of `tangent`, right after `step` and a `tangent_matrix`.
 
     q0 (n,) are the coordinates at its start, v (n,) the velocities at its end; it left sites (S, 9) and support (3,).
     """
-    _way_motions(ways, room, tangent)
-    _coriolis(tree, split, room.motion, tangent)
-    _add_site_tangents(h, tree.links, forces, split, ways, room, tangent, sites)
+    _direction_motions(directions, workspace, tangent)
+    _coriolis(tree, dofs, workspace.motion, tangent)
+    _add_site_tangents(h, tree.links, forces, dofs, directions, workspace, tangent, sites)
     tangent.Gq[:] = 0.0
     tangent.Gv[:] = 0.0
     tangent.B[:] = 0.0
     tangent.E[:] = 0.0
-    _rows(h, tree.bodies, ways, room, tangent)
-    _springs(h, forces, split, ways, q0, v, tangent)
+    _rows(h, tree.bodies, directions, workspace, tangent)
+    _springs(h, forces, dofs, directions, q0, v, tangent)
     if forces.fulcrum[0] > 0.0:
-        add_support_tangent(h, forces, split, ways, room, tangent, support)
+        add_support_tangent(h, forces, dofs, directions, workspace, tangent, support)
 
 
 @internal
-def _way_motions(ways: Ways, room: Room, tangent: Tangent) -> None:
+def _direction_motions(directions: TangentDirections, workspace: Workspace, tangent: Tangent) -> None:
     """Motion S of a unit of each way, rate V_p x S, second A_p x S + V_p x rate, and V_p x S at the end velocity.
 
     V_p and A_p are those of the body relative to which the way moves. As it moves by S, the velocity V of what it
     carries changes by S x (V - V_p); for who turns along, by -S x V_p = V_p x S.
     """
-    motion = room.motion
-    for j in range(ways.body.shape[0]):
-        c, b, parent = ways.coordinate[j], ways.body[j], ways.parent[j]
+    motion = workspace.motion
+    for j in range(directions.body.shape[0]):
+        c, b, parent = directions.coordinate[j], directions.body[j], directions.parent[j]
         if c >= 0:
             S = six(motion.S, c)
         else:  # of the mount: from the body's frame to W's axes and origin
-            R, p, m = motion.R, motion.p, ways.mount
+            R, p, m = motion.R, motion.p, directions.mount
             wx = R[b, 0, 0] * m[j, 0] + R[b, 0, 1] * m[j, 1] + R[b, 0, 2] * m[j, 2]
             wy = R[b, 1, 0] * m[j, 0] + R[b, 1, 1] * m[j, 1] + R[b, 1, 2] * m[j, 2]
             wz = R[b, 2, 0] * m[j, 0] + R[b, 2, 1] * m[j, 1] + R[b, 2, 2] * m[j, 2]
@@ -280,18 +294,18 @@ def _way_motions(ways: Ways, room: Room, tangent: Tangent) -> None:
         put(tangent.rate, j, rate)
         put(tangent.second, j, plus(cross_motion(six(motion.A, parent), S),
                                     cross_motion(six(motion.V, parent), rate), 1.0))
-        put(tangent.end, j, cross_motion(six(room.contact.V, parent), S))
+        put(tangent.end, j, cross_motion(six(workspace.contact.V, parent), S))
 
 
 @internal
-def _coriolis(tree: TreeArrays, split: Split, motion: Motion, tangent: Tangent) -> None:
+def _coriolis(tree: TreeArrays, dofs: FreePrescribed, motion: Motion, tangent: Tangent) -> None:
     """Composites of v x* I - I v x + (I v) x-bar*, by which inertial forces depend on velocities.
 
     Column i is that applied to the unit motion e:  v x* (I e) + e x* (I v) - I (v x e).
     """
     C = tangent.coriolis
-    for k in range(split.moving.shape[0]):
-        b = tree.links[split.moving[k], 2]
+    for k in range(dofs.moving.shape[0]):
+        b = tree.links[dofs.moving[k], 2]
         C[b, :, :] = 0.0
         if tree.inertias[b, 0] > 0.0:
             v = six(motion.V, b)
@@ -301,16 +315,16 @@ def _coriolis(tree: TreeArrays, split: Split, motion: Motion, tangent: Tangent) 
                      1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0)
                 column = plus(cross_force(v, inertia_times(motion.own, b, e)), cross_force(e, momentum), 1.0)
                 add_column(C, b, i, plus(column, inertia_times(motion.own, b, cross_motion(v, e)), -1.0))
-    for k in range(split.moving.shape[0] - 1, -1, -1):
-        parent, b = tree.links[split.moving[k], 1], tree.links[split.moving[k], 2]
-        if split.body_moves[parent]:
+    for k in range(dofs.moving.shape[0] - 1, -1, -1):
+        parent, b = tree.links[dofs.moving[k], 1], tree.links[dofs.moving[k], 2]
+        if dofs.body_moves[parent]:
             for i in range(6):
                 for j in range(6):
                     C[parent, i, j] += C[b, i, j]
 
 
 @internal
-def _rows(h: float, bodies: np.ndarray, ways: Ways, room: Room, tangent: Tangent) -> None:
+def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace: Workspace, tangent: Tangent) -> None:
     """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E.
 
     Of the row of joint i by way j, with composites C (`_coriolis`), I, K (contact by velocity), P (by displacement) of
@@ -320,17 +334,17 @@ def _rows(h: float, bodies: np.ndarray, ways: Ways, room: Room, tangent: Tangent
         Gv   S_i . (C S + 2 I rate) - S_i . I S / h
         B    S_i . (I + h K) S
     """
-    motion, contact, rows = room.motion, room.contact, ways.rows
+    motion, contact, rows = workspace.motion, workspace.contact, directions.rows
     composite, coriolis, shift, K = motion.composite, tangent.coriolis, tangent.shift, contact.K
-    for j in range(ways.body.shape[0]):
-        carried = False
+    for j in range(directions.body.shape[0]):
+        forward = False
         for i in range(rows.shape[0]):
-            carried |= ways.relation[i, j] == CARRIED
-        if not carried:
+            forward |= directions.relation[i, j] == BELOW
+        if not forward:
             continue
         # What a way changes in the wrench that a joint below it must give, where that joint carries it: by
         # displacement, by velocity, by acceleration, and in contact by the end velocity.
-        b, S, rate, end = ways.body[j], six(tangent.S, j), six(tangent.rate, j), six(tangent.end, j)
+        b, S, rate, end = directions.body[j], six(tangent.S, j), six(tangent.rate, j), six(tangent.end, j)
         by_q = plus(times(coriolis, b, rate), inertia_times(composite, b, six(tangent.second, j)), 1.0)
         by_q = plus(by_q, cross_force(S, six(motion.f, b)), 1.0)
         by_v = plus(times(coriolis, b, S), inertia_times(composite, b, rate), 2.0)
@@ -340,7 +354,7 @@ def _rows(h: float, bodies: np.ndarray, ways: Ways, room: Room, tangent: Tangent
             by_q = plus(by_q, times(K, b, end), 1.0)
             by_end = times(K, b, S)
         for i in range(rows.shape[0]):
-            if ways.relation[i, j] == CARRIED:
+            if directions.relation[i, j] == BELOW:
                 S_i = six(motion.S, rows[i])
                 mass = dot(S_i, momentum)
                 tangent.Gq[i, j] = dot(S_i, by_q)
@@ -358,8 +372,8 @@ def _rows(h: float, bodies: np.ndarray, ways: Ways, room: Room, tangent: Tangent
         if contact.loaded[b]:
             by_shift = plus(transposed_times(shift, b, S), cross_force(S, six(contact.F, b)), 1.0)
             by_end = transposed_times(K, b, S)
-        for j in range(ways.body.shape[0]):
-            if ways.relation[i, j] == CARRIES:
+        for j in range(directions.body.shape[0]):
+            if directions.relation[i, j] == ABOVE:
                 S_j, rate = six(tangent.S, j), six(tangent.rate, j)
                 mass = dot(by_second, S_j)
                 tangent.Gq[i, j] = (dot(by_rate, rate) + dot(by_second, six(tangent.second, j))
@@ -373,26 +387,27 @@ def _rows(h: float, bodies: np.ndarray, ways: Ways, room: Room, tangent: Tangent
 
 @internal
 def _springs(
-    h: float, forces: Forces, split: Split, ways: Ways, q0: np.ndarray, v: np.ndarray, tangent: Tangent
+    h: float, forces: Forces, dofs: FreePrescribed, directions: TangentDirections, q0: np.ndarray, v: np.ndarray,
+    tangent: Tangent
 ) -> None:
     """Gq -= df/dx at q0 + h v, and E -= the force of a unit of the constants, in which the law is linear."""
     s = forces.springs
     for k in range(forces.spring_index.shape[0]):
         c = forces.spring_index[k]
-        i = split.place[c]
+        i = dofs.place[c]
         if i >= 0:
             _, by_x, _ = spring_force(
                 q0[c] + h * v[c], v[c], s[k, 0], s[k, 1], s[k, 2], s[k, 3], s[k, 4], s[k, 5])
             tangent.Gq[i, i] -= by_x
-    for e in range(ways.spring_row.shape[0]):
-        k = ways.spring_row[e]
+    for e in range(directions.spring_row.shape[0]):
+        k = directions.spring_row[e]
         c = forces.spring_index[k]
-        i = split.place[c]
+        i = dofs.place[c]
         if i >= 0:
             force, _, _ = spring_force(
-                q0[c] + h * v[c], v[c], ways.spring_unit[e, 0], ways.spring_unit[e, 1], ways.spring_unit[e, 2],
-                s[k, 3], s[k, 4], s[k, 5])
-            tangent.E[i, ways.spring_parameter[e]] -= force
+                q0[c] + h * v[c], v[c], directions.spring_unit[e, 0], directions.spring_unit[e, 1],
+                directions.spring_unit[e, 2], s[k, 3], s[k, 4], s[k, 5])
+            tangent.E[i, directions.spring_parameter[e]] -= force
 
 
 # How the ground's wrenches change with displacements of the bodies and with the contact's parameters, compiled.
@@ -414,11 +429,11 @@ RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD
 
 @internal
 def _add_site_tangents(
-    h: float, links: np.ndarray, forces: Forces, split: Split, ways: Ways, room: Room, tangent: Tangent,
-    sites: np.ndarray
+    h: float, links: np.ndarray, forces: Forces, dofs: FreePrescribed, directions: TangentDirections,
+    workspace: Workspace, tangent: Tangent, sites: np.ndarray
 ) -> None:
     """Composites of P and of the measured wrench, and what parameters change directly."""
-    contact, moving = room.contact, split.moving
+    contact, moving = workspace.contact, dofs.moving
     tangent.dT[:] = 0.0
     for m in range(links.shape[0]):
         b = links[m, 2]
@@ -431,8 +446,8 @@ def _add_site_tangents(
         tangent.shift[links[moving[k], 2], :, :] = 0.0
     for a in range(contact.near[-1]):
         s = contact.near[a]
-        if split.site_moves[s] and sites[s, 1] > 0.0:
-            _site(h, s, forces, ways, room, tangent, sites)
+        if dofs.site_moves[s] and sites[s, 1] > 0.0:
+            _site(h, s, forces, directions, workspace, tangent, sites)
             tangent.touched[forces.site_bodies[s]] = True
 
     # Inwards: sums over all that a body carries.
@@ -448,7 +463,7 @@ def _add_site_tangents(
         for p in range(tangent.dF.shape[1]):
             for i in range(6):
                 tangent.dF[parent, p, i] += tangent.dF[b, p, i]
-        if split.body_moves[parent]:
+        if dofs.body_moves[parent]:
             for i in range(6):
                 for j in range(6):
                     tangent.shift[parent, i, j] += tangent.shift[b, i, j]
@@ -456,10 +471,11 @@ def _add_site_tangents(
 
 @internal
 def _site(
-    h: float, s: int, forces: Forces, ways: Ways, room: Room, tangent: Tangent, sites: np.ndarray
+    h: float, s: int, forces: Forces, directions: TangentDirections, workspace: Workspace, tangent: Tangent,
+    sites: np.ndarray
 ) -> None:
     """One loaded site: six unit displacements, six unit velocities, and its parameters."""
-    contact, b = room.contact, forces.site_bodies[s]
+    contact, b = workspace.contact, forces.site_bodies[s]
     radius = forces.sites[s, 3]
     V = contact.V
     wx, wy, wz = V[b, 0], V[b, 1], V[b, 2]
@@ -474,7 +490,7 @@ def _site(
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
     ox, oy = V[b, 3] + wy * top - wz * y, V[b, 4] + wz * x - wx * top
     x1, y1, z1 = sites[s, 7], sites[s, 8], -sites[s, 0]
-    measured = ways.measured[s]
+    measured = directions.measured[s]
     for i in range(6):
         sx, sy, sz = 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
         lx, ly, lz = 1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0
@@ -500,11 +516,11 @@ def _site(
                 -h * (lx + sy * top - sz * y), -h * (ly + sz * x - sx * top), -h * uz))
 
     # Parameters: a rise moves the centre up in its body's frame, others change friction or the normal force alone.
-    for e in range(ways.edit_start[s], ways.edit_start[s + 1]):
-        p, column, unit = ways.edit_parameter[e], ways.edit_column[e], ways.edit_unit[e]
+    for e in range(directions.site_start[s], directions.site_start[s + 1]):
+        p, column, unit = directions.site_parameter[e], directions.site_column[e], directions.site_unit[e]
         cx, cy, cz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         if column == RISE:
-            R = room.motion.R
+            R = workspace.motion.R
             cx, cy, cz = unit * R[b, 0, 2], unit * R[b, 1, 2], unit * R[b, 2, 2]
             ux, uy, uz = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
             gx, gy, gz = _force_change(K, ratio * vx * by_depth, ratio * vy * by_depth, by_depth, ux, uy, uz, cz)

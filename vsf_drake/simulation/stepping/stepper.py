@@ -30,15 +30,15 @@ from vsf_drake.simulation.stepping.assembly import (
     SPRING_COLUMNS,
     TOLERANCE,
     Forces,
-    Room,
-    Split,
+    FreePrescribed,
+    Workspace,
     split_coordinates,
-    step_room,
+    step_workspace,
 )
+from vsf_drake.simulation.stepping.directions import ParameterTangent, Tangent, TangentDirections
 from vsf_drake.simulation.stepping.newton import copy, step
-from vsf_drake.simulation.stepping.sensitivity import Carried, carry, differentiate_torques, write_state
+from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, carry, differentiate_torques, write_state
 from vsf_drake.simulation.stepping.tree import Tree, TreeArrays, tree_arrays, tree_of
-from vsf_drake.simulation.stepping.ways import Edit, Tangent, Ways
 
 CHUNK = 32  # steps between looks for progress and interruption
 MAX_SPEED = 1e3  # coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged
@@ -93,7 +93,7 @@ class Stepper:
 
     Mass matrix, Coriolis and gravity terms are compiled or, with `dynamics` "drake", from the plant, with calls from
     Python in every step, which takes about four times as long. A step has converged within `tolerance`, see
-    `assembly.Room`. ValueError if the plant's Context no longer holds what the mechanism was read from.
+    `assembly.Workspace`. ValueError if the plant's Context no longer holds what the mechanism was read from.
     """
 
     def __init__(self, mechanism: Mechanism, *, dynamics: str = "compiled", tolerance: float = TOLERANCE) -> None:
@@ -113,7 +113,7 @@ class Stepper:
         q0: np.ndarray,
         v0: np.ndarray,
         *,
-        carried: Carried | None = None,
+        forward: ForwardSensitivity | None = None,
         stop: Callable[[int, Record], bool] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Record:
@@ -124,20 +124,20 @@ class Stepper:
         """
         m, steps = self.mechanism, len(inputs.time_s) - 1
         forces, drive = m.forces, drive_of(inputs)
-        if carried is not None and self.dynamics != "compiled":
+        if forward is not None and self.dynamics != "compiled":
             raise ValueError("sensitivities need the compiled dynamics")
-        record = _empty_record(drive, q0, v0, sites=len(m.sites), carried=carried)
+        record = _empty_record(drive, q0, v0, sites=len(m.sites), forward=forward)
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
-        split = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
-        room = step_room(m.tree, forces, split, self.tolerance)
-        ways, tangent = (None, None) if carried is None else carried.prepare(m.tree, forces, split, steps)
+        dofs = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
+        workspace = step_workspace(m.tree, forces, dofs, self.tolerance)
+        directions, tangent = (None, None) if forward is None else forward.prepare(m.tree, forces, dofs, steps)
         go = advance if self.dynamics == "compiled" else partial(
             advance.py_func, dynamics=_drakes_dynamics(m.plant, m.context))
         done = 0
         while done < steps:
             last = min(done + CHUNK, steps)
-            failed, coordinate = go(done, last, self.tree, forces, split, room, drive, MAX_SPEED, q, v, record, ways,
-                                    tangent)
+            failed, coordinate = go(done, last, self.tree, forces, dofs, workspace, drive, MAX_SPEED, q, v, record,
+                                    directions, tangent)
             if failed >= 0:
                 raise SimulationError(f"coordinate {m.tree.coordinate_names[coordinate]} diverged (speed "
                                       f"{v[coordinate]:.3g})", time_s=float(inputs.time_s[failed + 1]))
@@ -165,9 +165,10 @@ class Stepper:
         n = self.mechanism.tree.num_coordinates
         held = Inputs(time_s=np.array([0.0, 1e-3]), prescribed=np.arange(n), prescribed_q=np.zeros((2, n)),
                       fulcrum=np.zeros(2), ground=np.zeros(2))
-        carried = Carried(edits=(Edit(),), measured=np.ones(len(self.mechanism.sites), dtype=bool),
+        forward = ForwardSensitivity(tangents=(ParameterTangent(),), measured=np.ones(len(self.mechanism.sites),
+                                                                                      dtype=bool),
                           q0=np.zeros((n, 1))) if sensitivities else None
-        self.run(held, np.zeros(n), np.zeros(n), carried=carried)
+        self.run(held, np.zeros(n), np.zeros(n), forward=forward)
         return time.perf_counter() - started
 
     def settle(
@@ -223,8 +224,8 @@ class Record(NamedTuple):
     sites: np.ndarray  # (n, S, 9) columns SITE_RECORD
     fulcrum: np.ndarray  # (n, 3) support force (N), deflection (m), rate (m/s)
     iterations: np.ndarray  # (n,) of Newton's method
-    parts: np.ndarray  # (n,) pieces that the step was cut into, 1 if it converged at once
-    converged: np.ndarray  # (n,) whether all of its pieces did
+    parts: np.ndarray  # (n,) substeps that the step was cut into, 1 if it converged at once
+    converged: np.ndarray  # (n,) whether all of its substeps did
     applied: np.ndarray  # (n, c) torques on free coordinates
     wrench_by: np.ndarray
     """(n, 6, P) derivatives of the measured sites' wrench, moment about W's origin at the ground's height, then force;
@@ -243,10 +244,12 @@ class Record(NamedTuple):
                 "refined_steps": int(np.sum(self.parts[:steps] > 1))}
 
 
-def _empty_record(drive: Drive, q0: np.ndarray, v0: np.ndarray, *, sites: int, carried: Carried | None) -> Record:
-    """Room for a run from q0, v0 with so many sites."""
-    steps, n, P = len(drive.time_s) - 1, len(q0), 0 if carried is None else len(carried.edits)
-    state = (steps if carried is not None and carried.loads else 0, n, P)
+def _empty_record(
+    drive: Drive, q0: np.ndarray, v0: np.ndarray, *, sites: int, forward: ForwardSensitivity | None
+) -> Record:
+    """Workspace for a run from q0, v0 with so many sites."""
+    steps, n, P = len(drive.time_s) - 1, len(q0), 0 if forward is None else len(forward.tangents)
+    state = (steps if forward is not None and forward.loads else 0, n, P)
     shapes = {"q": (steps, n), "v": (steps, n), "load": (steps, n), "sites": (steps, sites, len(SITE_RECORD)),
               "fulcrum": (steps, 3), "applied": (steps, len(drive.torques.coordinates)), "wrench_by": (steps, 6, P),
               "load_by": state, "q_by": state, "v_by": state}
@@ -284,7 +287,7 @@ def drive_of(inputs: Inputs) -> Drive:
 
 
 @compiled
-def piece(
+def substep(
     drive: Drive, k: int, done: int, size: int, q_next: np.ndarray
 ) -> tuple[float, float, float, float]:
     """The piece of step k from `done` on with `size`, in PARTS of it: h, and fulcrum, ground, ground_rate at its end;
@@ -301,8 +304,8 @@ def piece(
 
 
 @compiled
-def next_piece(done: int, size: int, converged: bool) -> tuple[int, int, bool]:
-    """What is done and the next size after a piece, and whether that piece is accepted."""
+def next_substep(done: int, size: int, converged: bool) -> tuple[int, int, bool]:
+    """What is done and the next size after a substep, and whether that piece is accepted."""
     if not converged and size > 1:
         return done, size // 2, False
     done += size
@@ -322,39 +325,40 @@ def diverged(q: np.ndarray, v: np.ndarray, max_speed: float) -> int:
 
 @partial(compiled, nogil=True)
 def advance(
-    first: int, last: int, tree: TreeArrays, forces: Forces, split: Split, room: Room, drive: Drive, max_speed: float,
-    q: np.ndarray, v: np.ndarray, record: Record, ways: Ways | None = None, tangent: Tangent | None = None,
+    first: int, last: int, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, workspace: Workspace, drive: Drive,
+    max_speed: float, q: np.ndarray, v: np.ndarray, record: Record, directions: TangentDirections | None = None,
+    tangent: Tangent | None = None,
     dynamics: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
 ) -> tuple[int, int]:
     """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1.
 
-    With `ways` and `tangent` the sensitivities are carried along. Uncompiled (`advance.py_func`) it takes mass matrix,
-    Coriolis and gravity terms from `dynamics`.
+    With `directions` and `tangent` the sensitivities are carried along. Uncompiled (`advance.py_func`) it takes mass
+    matrix, Coriolis and gravity terms from `dynamics`.
     """
     M, C = np.empty((0, 0)), np.empty(0)
-    q0, v0, load, q_next = q.copy(), v.copy(), np.empty_like(q), np.empty(split.prescribed.shape[0])
+    q0, v0, load, q_next = q.copy(), v.copy(), np.empty_like(q), np.empty(dofs.prescribed.shape[0])
     for k in range(first, last):
         done, size = 0, PARTS
         record.iterations[k], record.parts[k], record.converged[k] = 0, 0, True
         record.load[k] = 0.0
 
         # Torques that are held over the whole step come from the state at its start.
-        sample_torques(k, drive.torques, q, v, room.applied, record.applied[k])
-        if ways is not None and tangent is not None:
-            differentiate_torques(k, drive.torques, split.place, tangent)
+        sample_torques(k, drive.torques, q, v, workspace.applied, record.applied[k])
+        if directions is not None and tangent is not None:
+            differentiate_torques(k, drive.torques, dofs.place, tangent)
 
-        # One step of h, or pieces of it: a piece that does not converge is taken back and halved.
+        # One step of h, or substeps of it: a substep that does not converge is taken back and halved.
         while done < PARTS:
-            h, fulcrum, ground, ground_rate = piece(drive, k, done, size, q_next)
+            h, fulcrum, ground, ground_rate = substep(drive, k, done, size, q_next)
             copy(q, q0)
             copy(v, v0)
             if dynamics is not None:
                 M, C = dynamics(q, v)
             iterations, converged = step(
-                h, tree, forces, split, room, ground, ground_rate, fulcrum, q_next, M, C, q, v, load, record.sites[k],
-                record.fulcrum[k])
+                h, tree, forces, dofs, workspace, ground, ground_rate, fulcrum, q_next, M, C, q, v, load,
+                record.sites[k], record.fulcrum[k])
             share, end = size / PARTS, (done + size) / PARTS
-            done, size, accepted = next_piece(done, size, converged)
+            done, size, accepted = next_substep(done, size, converged)
 
             record.iterations[k] += iterations
             if accepted:
@@ -362,13 +366,13 @@ def advance(
                 record.converged[k] &= converged
                 for i in range(q.shape[0]):
                     record.load[k, i] += share * load[i]
-                if ways is not None and tangent is not None:
-                    carry(h, k, end, share, tree, forces, split, ways, room, tangent, q0, v, record)
+                if directions is not None and tangent is not None:
+                    carry(h, k, end, share, tree, forces, dofs, directions, workspace, tangent, q0, v, record)
             else:
                 copy(q0, q)
                 copy(v0, v)
-        if ways is not None and tangent is not None and record.load_by.shape[0] > 0:
-            write_state(k, drive.torques, split, ways, tangent, record)
+        if directions is not None and tangent is not None and record.load_by.shape[0] > 0:
+            write_state(k, drive.torques, dofs, directions, tangent, record)
         copy(q, record.q[k])
         copy(v, record.v[k])
         c = diverged(q, v, max_speed)
@@ -381,7 +385,7 @@ def advance(
 #
 #     tau = feedforward - gain @ (state - reference),        state = positions, then velocities, of sensed coordinates
 #
-# A step that is cut into pieces keeps what its start gave.
+# A step that is cut into substeps keeps what its start gave.
 
 
 class Torques(NamedTuple):

@@ -386,7 +386,7 @@ def tree_arrays(tree: Tree) -> TreeArrays:
 
 
 def work_space(tree: Tree) -> Motion:
-    """Room for one state of `tree`."""
+    """Workspace for one state of `tree`."""
     n, bodies = tree.num_coordinates, len(tree.body_names)
     return Motion(
         R=np.zeros((bodies, 3, 3)), p=np.zeros((bodies, 3)), axes=np.zeros((n, 3)), origins=np.zeros((n, 3)),

@@ -44,7 +44,7 @@ Scaled = Callable[[np.ndarray, bool], tuple[float, np.ndarray]]  # see `Stiffnes
 
 
 @dataclass(frozen=True, eq=False)
-class WalkOutcome:
+class SettingOutcome:
     """One walk of a trial at one setting: the terms of all costs, what they were made of, and the trial's frame."""
 
     terms: dict[str, Terms]
@@ -77,11 +77,11 @@ class TrialTuning:
 
     def at(
         self, x: np.ndarray, *, step_s: float, derivatives: bool = False, base: Mapping[str, float] | None = None
-    ) -> WalkOutcome:
+    ) -> SettingOutcome:
         """Walks at x (P,), with values of its variables in `base` instead of the model's; or SimulationError."""
         frame = self.frame(step_s, base)
         walk, loads = self._walk(x, step_s, base or {}, derivatives=derivatives)
-        return WalkOutcome(walk_terms(frame, loads, self.options), walk, loads, frame)
+        return SettingOutcome(walk_terms(frame, loads, self.options), walk, loads, frame)
 
     def _walk(
         self, x: np.ndarray, step_s: float, base: Mapping[str, float], *, derivatives: bool = False
@@ -97,13 +97,13 @@ class TrialTuning:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class TuningEvaluation:
     """The cost at one setting x (P,)."""
 
     x: np.ndarray
     step_s: float
     terms: Terms  # means over trials
-    walks: tuple[WalkOutcome, ...]  # of each trial
+    walks: tuple[SettingOutcome, ...]  # of each trial
 
     @property
     def cost(self) -> float:
@@ -168,7 +168,7 @@ class StiffnessTuning:
         self.groups = tuple(round(float(part.own[0]), 1) for part in self.parts)
         self.workers = self.options.workers or os.cpu_count() or 1
         self.evaluations = 0
-        self._last: Evaluation | None = None
+        self._last: TuningEvaluation | None = None
 
     def without_smoothing(self) -> StiffnessTuning:
         """The same problem with a support that passes a keel joint at once."""
@@ -185,7 +185,7 @@ class StiffnessTuning:
         """(P,) search coordinates of a setting."""
         return np.asarray((x - self.low) / (self.high - self.low))
 
-    def evaluate(self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None) -> Evaluation:
+    def evaluate(self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None) -> TuningEvaluation:
         """The cost at x (P,), in the options' step or another; SimulationError where a walk fails."""
         x, step = np.array(x, dtype=float), step_s or self.options.step_s
         last = self._last
@@ -197,7 +197,7 @@ class StiffnessTuning:
             walks = tuple(pool.map(lambda part: part.at(x, step_s=step, derivatives=derivatives), self.parts))
         each = [self.combination.terms(walk.terms) for walk in walks]
         means = {name: np.mean([terms[name] for terms in each], axis=0) for name in each[0]}
-        self._last = Evaluation(x=x, step_s=step, terms=means, walks=walks)
+        self._last = TuningEvaluation(x=x, step_s=step, terms=means, walks=walks)
         return self._last
 
     def scaled(self, u: np.ndarray, gradient: bool = True, *, step_s: float | None = None) -> tuple[float, np.ndarray]:

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import OPTIMUM, RECORDED, SETTINGS, SOFTEST, STIFFEST, Check
+from vsf_drake.analysis.tuning.common import OPTIMUM, RECORDED, SETTINGS, SOFTEST, STIFFEST, TuningCheck
 from vsf_drake.analysis.tuning.level1.costs import LABELS
-from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
-from vsf_drake.analysis.tuning.level1.sweep import KINDS, SAME_LOAD, Sweep
+from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TuningEvaluation
+from vsf_drake.analysis.tuning.level1.sweep import KINDS, SAME_LOAD, SettingSweep
 from vsf_drake.analysis.tuning.level1.uncertainty import Worth, difference
 from vsf_drake.analysis.tuning.table import (
     FORMAT,
@@ -36,7 +36,7 @@ AT_BOUND = 1e-3  # share of a bound's width within which a variable counts as on
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class TuningSearch:
     """How one search from `start` to x (P,) ended."""
 
     solver: str
@@ -60,20 +60,20 @@ class TuningSolution:
     tuning: StiffnessTuning
     success: bool = False  # whether a search ended at a minimum that the sweep confirms, where all walks converged
     message: str = ""  # how it ended, in words
-    best: Evaluation = field(init=False)  # the best point found, whatever `success` says
-    searched: Search | None = None  # the search that `best` is from
-    searches: list[Search] = field(default_factory=list)  # of the fulcrum's range
-    confirmed: list[Search] = field(default_factory=list)  # by other solvers
-    sweep: Sweep | None = None  # through the best setting
-    compared: Sweep | None = None  # of SETTINGS, the recorded one each trial's own, the device as it is
+    best: TuningEvaluation = field(init=False)  # the best point found, whatever `success` says
+    searched: TuningSearch | None = None  # the search that `best` is from
+    searches: list[TuningSearch] = field(default_factory=list)  # of the fulcrum's range
+    confirmed: list[TuningSearch] = field(default_factory=list)  # by other solvers
+    sweep: SettingSweep | None = None  # through the best setting
+    compared: SettingSweep | None = None  # of SETTINGS, the recorded one each trial's own, the device as it is
     same_load: dict[str, np.ndarray] = field(default_factory=dict)  # SAME_LOAD by name, (T, 4)
     worth: Worth | None = None  # how well the position is known, and what it is worth
-    draws: list[Sweep] = field(default_factory=list)  # by draw of the contact
+    draws: list[SettingSweep] = field(default_factory=list)  # by draw of the contact
     draw_failures: list[str] = field(default_factory=list)  # why some could not be walked
     tasks: list[TaskOptimum] = field(default_factory=list)
     pareto: list[ParetoPoint] = field(default_factory=list)
     robustness: list[ChangedOptimum] = field(default_factory=list)
-    checks: list[Check] = field(default_factory=list)
+    checks: list[TuningCheck] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)  # what a reader has to know
     wall_s: float = 0.0
 

@@ -12,13 +12,13 @@ from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverOptions
 from scipy.stats import qmc
 
 from vsf_drake.analysis.drake_solve import solved
-from vsf_drake.analysis.tuning.common import Check
+from vsf_drake.analysis.tuning.common import TuningCheck
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING, value_of
 from vsf_drake.analysis.tuning.level1.options import DesignVariable
-from vsf_drake.analysis.tuning.level1.problem import Evaluation, StiffnessTuning
-from vsf_drake.analysis.tuning.level1.solution import Search, TuningSolution
+from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TuningEvaluation
+from vsf_drake.analysis.tuning.level1.solution import TuningSearch, TuningSolution
 from vsf_drake.analysis.tuning.level1.sweep import (
-    Sweep,
+    SettingSweep,
     local_minima,
     other_optima,
     pareto,
@@ -60,7 +60,7 @@ class Run:
     def __init__(self, tuning: StiffnessTuning, progress: Callable[[TuningProgress], None] | None = None) -> None:
         self.tuning, self.progress, self.began = tuning, progress, time.perf_counter()
         self.stage, self.interrupted = "", False
-        self.best: Evaluation | None = None
+        self.best: TuningEvaluation | None = None
 
     def tell(self, fraction: float | None = None) -> None:
         """Calls `progress`, within a search with its lowest cost so far."""
@@ -73,9 +73,9 @@ class Run:
     def begin(self, step_s: float) -> None:
         """A new search."""
         self.step_s, self.count, self.failure, self.interrupted = step_s, 0, "", False
-        self.here: Evaluation | None = None
+        self.here: TuningEvaluation | None = None
 
-    def at(self, x: np.ndarray, *, derivatives: bool = True) -> Evaluation | None:
+    def at(self, x: np.ndarray, *, derivatives: bool = True) -> TuningEvaluation | None:
         """The cost at x, None where a walk fails."""
         self.count += 1
         try:
@@ -103,7 +103,7 @@ class Run:
 
 def search(
     tuning: StiffnessTuning, start: np.ndarray, *, solver: str = "snopt", step_s: float, run: Run | None = None
-) -> Search:
+) -> TuningSearch:
     """Searches from `start` (P,) by "snopt", "ipopt" or "nlopt"; `run` has the best point, after an interrupt too.
 
     A walk that fails at the start makes a search that failed, not an error.
@@ -111,7 +111,7 @@ def search(
     run, start = run or Run(tuning), np.clip(start, tuning.low, tuning.high)
     run.begin(step_s)
     if run.at(start) is None:
-        return Search(solver, step_s, start, x=start, cost=np.inf, success=False, iterations=run.count,
+        return TuningSearch(solver, step_s, start, x=start, cost=np.inf, success=False, iterations=run.count,
                       message=f"the walk fails where the search starts: {run.failure}", optimality=np.inf)
     iterations, tolerance = tuning.options.iterations, tuning.options.tolerance
     kinds: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -129,18 +129,18 @@ def search(
     if not success and _is_minimum(run, run.here):
         success, message = True, f"{message}, but no neighbour is better"
     best = run.here
-    return Search(solver, step_s, start, x=best.x, cost=best.cost, success=success, message=message,
+    return TuningSearch(solver, step_s, start, x=best.x, cost=best.cost, success=success, message=message,
                   iterations=run.count, optimality=_slope(tuning, tuning.evaluate(best.x, step_s=step_s)))
 
 
-def _slope(tuning: StiffnessTuning, at: Evaluation) -> float:
+def _slope(tuning: StiffnessTuning, at: TuningEvaluation) -> float:
     """Largest slope of the cost that the bounds leave open, in sizes of the cost over the width of a bound."""
     slope, u = at.gradient * (tuning.high - tuning.low) / tuning.combination.size, tuning.to_u(at.x)
     held = ((u <= 1e-6) & (slope > 0.0)) | ((u >= 1.0 - 1e-6) & (slope < 0.0))
     return float(np.abs(np.where(held, 0.0, slope)).max())
 
 
-def _is_minimum(run: Run, at: Evaluation) -> bool:
+def _is_minimum(run: Run, at: TuningEvaluation) -> bool:
     """Whether the cost is flat there, or along no variable, to neither side, a point is better."""
     tuning = run.tuning
     if _slope(tuning, at) <= FLAT:
@@ -188,8 +188,8 @@ def solve(
 
 
 def _search(
-    searches: list[Search], tuning: StiffnessTuning, warm: list[np.ndarray], run: Run
-) -> tuple[Search, Search]:
+    searches: list[TuningSearch], tuning: StiffnessTuning, warm: list[np.ndarray], run: Run
+) -> tuple[TuningSearch, TuningSearch]:
     """Coarse sweep and searches from it, which are added to `searches`; their best, and that once more in the step of
     the numbers."""
     options, run.stage = tuning.options, "coarse sweep"
@@ -210,7 +210,7 @@ def _search(
     return first, search(tuning, first.x, step_s=options.step_s, run=run)
 
 
-def _judge(solution: TuningSolution, searched: Search, first: Search, run: Run) -> None:
+def _judge(solution: TuningSolution, searched: TuningSearch, first: TuningSearch, run: Run) -> None:
     """The fine sweep, again the search if that is better, other solvers, and what the optimum is worth."""
     tuning, options, size = solution.tuning, solution.tuning.options, solution.tuning.combination.size
     for _ in range(2):
@@ -295,15 +295,16 @@ AT = (0.31, 0.67)
 DIFFERENCE = 1e-4  # step of the central differences, share of a bound's width
 
 
-def _checks(solution: TuningSolution, fine: Sweep, best: Evaluation, first: Search) -> list[Check]:
-    tuning, checks, at_mm = solution.tuning, list[Check](), float(best.x[0])
+def _checks(solution: TuningSolution, fine: SettingSweep, best: TuningEvaluation,
+            first: TuningSearch) -> list[TuningCheck]:
+    tuning, checks, at_mm = solution.tuning, list[TuningCheck](), float(best.x[0])
     size, own, options = "size of the cost", tuning.combination.size, tuning.options
 
     def add(name: str, label: str, value: float | None, unit: str, target: float, met: bool | None = None, *,
             part: str = "", **numbers: Any) -> None:
         """`met` is whether the value is at most the target, unless given."""
         met = value <= target if met is None and value is not None else met
-        checks.append(Check(name, label, None if value is None else float(value), unit, target,
+        checks.append(TuningCheck(name, label, None if value is None else float(value), unit, target,
                            None if met is None else bool(met), say("level1", part or name, **numbers)[0]))
 
     # A sweep that is coarser than a millimetre can only tell whether one of its positions is better.

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, StanceFrame, value_of
-from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TrialTuning, WalkOutcome
+from vsf_drake.analysis.tuning.level1.problem import SettingOutcome, StiffnessTuning, TrialTuning
 from vsf_drake.analysis.tuning.table import ChangedOptimum, ParetoPoint, TaskOptimum
 from vsf_drake.analysis.validation.energy_ledger import prosthesis_energy, stance_energy, walk_with_same_load
 from vsf_drake.errors import SimulationError
@@ -39,7 +39,7 @@ RISE = (0.2, 0.8)  # shares of the first peak between which the loading rate is 
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class SettingSweep:
     """Costs of T trials at m settings, the same for all or each trial's own; NaN where a walk failed."""
 
     x: np.ndarray  # (m, P) or (T, m, P) the settings
@@ -108,7 +108,7 @@ def _each(
 def sweep(
     tuning: StiffnessTuning, x: np.ndarray, *, step_s: float, energies_every: int = 0, forces: bool = False,
     base: Mapping[str, float] | None = None, progress: Progress | None = None
-) -> Sweep:
+) -> SettingSweep:
     """Walks every trial at settings x (m, P), or at its own of (T, m, P).
 
     Args:
@@ -147,7 +147,7 @@ def sweep(
             for name, value in numbers.items():
                 table[kind].setdefault(name, np.full(shape, np.nan))[job] = value
         unconverged += not result[1]
-    return Sweep(x=x, **table, forces=grf, failures=tuple(failures), unconverged=unconverged)
+    return SettingSweep(x=x, **table, forces=grf, failures=tuple(failures), unconverged=unconverged)
 
 
 def lowest(fulcrum_mm: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
@@ -177,7 +177,7 @@ def local_minima(cost: np.ndarray) -> list[int]:
 # slope of the vertical force from 20 to 80 % of its first peak, the largest of the first half of stance.
 
 
-def outcomes(part: TrialTuning, result: WalkOutcome, *, energies: bool = True) -> dict[str, float]:
+def outcomes(part: TrialTuning, result: SettingOutcome, *, energies: bool = True) -> dict[str, float]:
     """KINDS of one walk. Stored and returned energy take a third of a walk's time; they are NaN unless asked for."""
     frame, loads = result.frame, result.loads
     inside = frame.inside > 0.0
@@ -269,7 +269,7 @@ def same_load_outcomes(
 # One setting for several motions against one for each, and the trade-off between two costs: read off a sweep.
 
 
-def tasks(swept: Sweep, names: Sequence[str], common_mm: float) -> list[TaskOptimum]:
+def tasks(swept: SettingSweep, names: Sequence[str], common_mm: float) -> list[TaskOptimum]:
     """Of each motion, trials (T,) of one name together; none for a single motion."""
     rows = []
     for label in dict.fromkeys(names):
@@ -280,7 +280,7 @@ def tasks(swept: Sweep, names: Sequence[str], common_mm: float) -> list[TaskOpti
     return rows if len(rows) > 1 else []
 
 
-def pareto(tuning: StiffnessTuning, swept: Sweep) -> list[ParetoPoint]:
+def pareto(tuning: StiffnessTuning, swept: SettingSweep) -> list[ParetoPoint]:
     """For weights of the first of the options' two costs, each over its size, with the consistency beside them."""
     names, size = tuning.options.pareto, tuning.size
     if not names or any(name not in swept.costs or name not in size for name in names):
@@ -295,7 +295,7 @@ def pareto(tuning: StiffnessTuning, swept: Sweep) -> list[ParetoPoint]:
     return rows
 
 
-def other_optima(tuning: StiffnessTuning, swept: Sweep, draws: Sequence[Sweep]) -> list[ChangedOptimum]:
+def other_optima(tuning: StiffnessTuning, swept: SettingSweep, draws: Sequence[SettingSweep]) -> list[ChangedOptimum]:
     """Where the cost is least with other weights of the consistency, and with each draw of the contact."""
     factors, optima = tuning.combination.factors, {}
     if CONSISTENCY in factors:

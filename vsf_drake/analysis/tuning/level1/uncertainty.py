@@ -24,7 +24,7 @@ from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M, standar
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
-from vsf_drake.analysis.tuning.level1.sweep import Progress, Sweep, lowest, positions, sweep
+from vsf_drake.analysis.tuning.level1.sweep import Progress, SettingSweep, lowest, positions, sweep
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.sentences import say
 from vsf_drake.simulation.walk import Walker
@@ -78,7 +78,7 @@ class Worth:
 
 
 def fulcrum_uncertainty(
-    swept: Sweep, fulcrum_mm: float, draws: Sequence[Sweep], groups: Groups, *, size: float, unit: str,
+    swept: SettingSweep, fulcrum_mm: float, draws: Sequence[SettingSweep], groups: Groups, *, size: float, unit: str,
     allowed_bw: float, gain: float
 ) -> Worth:
     """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size.
@@ -184,13 +184,13 @@ def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict
 
 def drawn_sweeps(
     tuning: StiffnessTuning, x: np.ndarray, progress: Progress
-) -> tuple[list[Sweep], list[str]]:
+) -> tuple[list[SettingSweep], list[str]]:
     """A sweep, but for the fulcrum at x (P,), for each of the options' draws that walk, and why others do not."""
     first = tuning.parts[0]
     if any(part.walker.model != first.walker.model for part in tuning.parts):
         return [], ["the trials' models differ, so that one draw cannot be for all"]
     values = contact_draws(first.walker, first.trial.subject.prosthetic_side, tuning.options.draws, tuning.options.seed)
-    sweeps: list[Sweep] = []
+    sweeps: list[SettingSweep] = []
     failed: list[str] = []
     for k, base in enumerate(values):
         try:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import COSTS, SETTINGS, WEIGHTED, Check, check_cost
+from vsf_drake.analysis.tuning.common import COSTS, SETTINGS, WEIGHTED, TuningCheck, check_cost
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
 from vsf_drake.analysis.tuning.level2.stride import LABELS, MM, OWN, Stride, StrideOptions
 from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
@@ -176,7 +176,7 @@ class StrideSolution:
     search: StrideSearch
     sweep: list[Fixed] = field(default_factory=list)  # the best stride at each fixed position
     free: list[tuple[float, TrajectorySolution]] = field(default_factory=list)  # from where (mm), the fulcrum free
-    checks: list[Check] = field(default_factory=list)  # what the optimum was held against
+    checks: list[TuningCheck] = field(default_factory=list)  # what the optimum was held against
     confirmed: list[Confirmation] = field(default_factory=list)  # by other solvers
     simulated: dict[str, np.ndarray] = field(default_factory=dict)
     drawn: list[tuple[TrajectorySolution, Stride]] = field(default_factory=list)  # the optimum with drawn contacts
@@ -348,7 +348,8 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
 
     def add(name: str, label: str, value: float | None, unit: str, target: str, met: bool | None, *, part: str = "",
             **numbers: Any) -> None:
-        result.checks.append(Check(name, label, value, unit, target, met, say("stride", part or name, **numbers)[0]))
+        result.checks.append(TuningCheck(name, label, value, unit, target, met, say("stride", part or name,
+                                                                                    **numbers)[0]))
 
     worst, force = _tracking_errors(result.tracked, stride)
     add("tracking_motion", "tracked stride, worst angle", worst, "deg", f"<= {ANGLE_DEG:g}", worst <= ANGLE_DEG,
@@ -373,7 +374,8 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         try:
             run = simulate(tuning.walker, trajectory)
         except SimulationError as error:
-            result.checks.append(Check(f"resimulation_{kind}", f"re-simulation, {kind}", None, "% body weight", "",
+            result.checks.append(TuningCheck(f"resimulation_{kind}", f"re-simulation, {kind}", None, "% body weight",
+                                             "",
                                       False, str(error)))
         else:
             result.checks.append(run.as_check())

@@ -13,7 +13,7 @@ from functools import reduce
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import Check
+from vsf_drake.analysis.tuning.common import TuningCheck
 from vsf_drake.analysis.tuning.resimulation.trajectory import (
     COORDINATES,
     FEET,
@@ -30,12 +30,12 @@ from vsf_drake.sentences import say
 from vsf_drake.simulation.reactions import foot_reaction
 from vsf_drake.simulation.results import coordinate_unit
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
-from vsf_drake.simulation.stepping.assembly import SITE_RECORD, split_coordinates, step_room
+from vsf_drake.simulation.stepping.assembly import SITE_RECORD, split_coordinates, step_workspace
+from vsf_drake.simulation.stepping.directions import make_directions, tangent_workspace
 from vsf_drake.simulation.stepping.newton import FLAT, step, tangent_matrix
 from vsf_drake.simulation.stepping.sensitivity import linearise
 from vsf_drake.simulation.stepping.stepper import Inputs, Record, Stepper, Torques
 from vsf_drake.simulation.stepping.tree import tree_arrays
-from vsf_drake.simulation.stepping.ways import make_ways, tangent_room
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 
 PRESCRIBED, FEEDBACK = "prescribed", "feedback"
@@ -141,9 +141,10 @@ class Resimulation:
         helped = self.feedback is not None and self.feedback.hand_percent_bw > 0.0
         return not self.fell and not helped and self.percent_bw <= TARGET_PERCENT_BW[self.kind]
 
-    def as_check(self) -> Check:
+    def as_check(self) -> TuningCheck:
         """As one of the checks that a tuning leaves."""
-        return Check(f"resimulation_{self.kind}", self.label, None if self.fell else self.percent_bw, "% body weight",
+        return TuningCheck(f"resimulation_{self.kind}", self.label, None if self.fell else self.percent_bw,
+                           "% body weight",
                      f"{TARGET_PERCENT_BW[self.kind]:g}", self.met, " ".join(self.sentences()))
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -462,11 +463,11 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
     moving = np.array([tree.index(name) for name in names], dtype=np.int64)
     inside = np.unique(np.concatenate([forces.spring_index, forces.keel_coordinates]))
     held = np.setdiff1d(np.arange(tree.num_coordinates), np.concatenate([moving, inside]))
-    split = split_coordinates(tree, forces, held)
-    room, arrays = step_room(tree, forces, split), tree_arrays(tree)
-    ways = make_ways(tree, forces, split, (), measured=np.zeros(len(forces.sites), dtype=bool))
-    tangent = tangent_room(tree, split, ways)
-    f, place = len(split.free), split.place[moving]
+    dofs = split_coordinates(tree, forces, held)
+    workspace, arrays = step_workspace(tree, forces, dofs), tree_arrays(tree)
+    directions = make_directions(tree, forces, dofs, (), measured=np.zeros(len(forces.sites), dtype=bool))
+    tangent = tangent_workspace(tree, dofs, directions)
+    f, place = len(dofs.free), dofs.place[moving]
     rest = np.setdiff1d(np.arange(f), place)
     sites, support, load = np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3), np.zeros(tree.num_coordinates)
     A, B = np.zeros((last - first, 2 * f, 2 * f)), np.zeros((last - first, 2 * f, len(moving)))
@@ -474,15 +475,15 @@ def linear_steps(walk: Walk, names: Sequence[str], first: int, last: int) -> Lin
     for row, k in enumerate(range(first, last)):
         q0, v0 = (record.q0, record.v0) if k == 0 else (record.q[k - 1], record.v[k - 1])
         q, v = q0.copy(), v0.copy()
-        room.applied[:] = 0.0
-        room.applied[moving] = record.load[k, moving]
-        step(h, arrays, forces, split, room, mechanism.ground_height, 0.0, float(walk.fulcrum_m[k + 1]),
+        workspace.applied[:] = 0.0
+        workspace.applied[moving] = record.load[k, moving]
+        step(h, arrays, forces, dofs, workspace, mechanism.ground_height, 0.0, float(walk.fulcrum_m[k + 1]),
              record.q[k, held], np.zeros((0, 0)), np.zeros(0), q, v, load, sites, support)
-        tangent_matrix(h, arrays, forces, split, room, FLAT, sites)
-        linearise(h, arrays, forces, split, ways, room, tangent, q0, v, sites, support)
+        tangent_matrix(h, arrays, forces, dofs, workspace, FLAT, sites)
+        linearise(h, arrays, forces, dofs, directions, workspace, tangent, q0, v, sites, support)
 
         # The step's equations G(q0, v0, v, u) = 0 give dv; then dq = dq0 + h dv, as the step is implicit.
-        answer = np.linalg.solve(room.A, np.hstack([-tangent.Gq[:, :f], -tangent.Gv[:, :f], eye[:, place]]))
+        answer = np.linalg.solve(workspace.A, np.hstack([-tangent.Gq[:, :f], -tangent.Gv[:, :f], eye[:, place]]))
         A[row, f:], B[row, f:] = h * answer[:, : 2 * f], h * answer[:, 2 * f :]
         A[row, :f], B[row, :f] = h * A[row, f:], h * B[row, f:]
         A[row, :f, :f] += eye

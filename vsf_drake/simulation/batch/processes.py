@@ -43,7 +43,7 @@ import gc, signal
 gc.disable()  # nothing of what is imported will be given back: looking for it takes a twentieth of the time
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first one decides
 import vsf_drake.systems  # first: for each of its templates Drake looks through all modules that there are
-from vsf_drake.simulation.many.processes import serve
+from vsf_drake.simulation.batch.processes import serve
 serve({descriptor})
 """
 _READY, _STARTS = "ready", 2

@@ -16,8 +16,8 @@ import vsf_drake
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws.compiled import sources_sha256
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.simulation.many import WalkCase, cases, run, simulate_many
-from vsf_drake.simulation.many.cases import Planner
+from vsf_drake.simulation.batch import WalkCase, cases, run, simulate_batch
+from vsf_drake.simulation.batch.cases import Planner
 
 PACKAGE = Path(vsf_drake.__file__).parent
 
@@ -27,8 +27,8 @@ def entries(folder: Path) -> list[Path]:
 
 
 def test_a_second_sweep_reads_what_the_first_has_walked(tmp_path, walks, sweep, assert_same):
-    first = simulate_many(sweep(3), workers=1, cache=tmp_path)
-    again = simulate_many(sweep(3), workers=1, cache=tmp_path)
+    first = simulate_batch(sweep(3), workers=1, cache=tmp_path)
+    again = simulate_batch(sweep(3), workers=1, cache=tmp_path)
     assert len(walks) == 3 and len(entries(tmp_path)) == 3
     assert [o.from_cache for o in first + again] == [False] * 3 + [True] * 3
     assert_same(first, again)
@@ -42,12 +42,12 @@ def test_a_sweep_that_was_stopped_goes_on_from_there(tmp_path, walks, sweep, ass
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        simulate_many(sweep(5), workers=1, cache=tmp_path, progress=stop)
+        simulate_batch(sweep(5), workers=1, cache=tmp_path, progress=stop)
     assert len(walks) == 3
-    outcomes = simulate_many(sweep(5), workers=1, cache=tmp_path)
+    outcomes = simulate_batch(sweep(5), workers=1, cache=tmp_path)
     assert len(walks) == 5
     assert [o.from_cache for o in outcomes] == [True] * 3 + [False] * 2
-    assert_same(outcomes, simulate_many(sweep(5), workers=1))
+    assert_same(outcomes, simulate_batch(sweep(5), workers=1))
 
 
 def changed(trial):
@@ -147,7 +147,7 @@ def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(monkeypatch, tm
     monkeypatch.setattr(run, "_walked", diverge)
     both = [WalkCase(trial=trial), WalkCase(trial=trial, values={"nonsense": 1.0})]
     for _ in range(2):
-        failed, refused = simulate_many(both, workers=1, cache=tmp_path)
+        failed, refused = simulate_batch(both, workers=1, cache=tmp_path)
         assert "keel_1 diverged" in failed.failure and not refused.ok
     assert failed.from_cache and not refused.from_cache
     assert len(entries(tmp_path)) == 1 and len(walks) == 3
@@ -155,20 +155,20 @@ def test_a_failed_simulation_is_kept_and_an_unusable_case_is_not(monkeypatch, tm
 
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_a_damaged_entry_is_noticed_computed_anew_and_replaced(tmp_path, walks, sweep, assert_same, share):
-    first = simulate_many(sweep(1), workers=1, cache=tmp_path)
+    first = simulate_batch(sweep(1), workers=1, cache=tmp_path)
     [path] = entries(tmp_path)
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    second = simulate_many(sweep(1), workers=1, cache=tmp_path)
+    second = simulate_batch(sweep(1), workers=1, cache=tmp_path)
     assert len(walks) == 2 and not second[0].from_cache
     assert any("cache entry was damaged" in note for note in second[0].notes)
-    third = simulate_many(sweep(1), workers=1, cache=tmp_path)
+    third = simulate_batch(sweep(1), workers=1, cache=tmp_path)
     assert len(walks) == 2 and not any("cache" in note for note in third[0].notes)
     assert_same(first, second)
     assert_same(first, third)
 
 
 def test_no_changed_byte_anywhere_changes_what_is_read(tmp_path, sweep):
-    [outcome] = simulate_many(sweep(1), workers=1, cache=tmp_path)
+    [outcome] = simulate_batch(sweep(1), workers=1, cache=tmp_path)
     path, store = entries(tmp_path)[0], run.WalkCache(tmp_path)
     content, noticed = path.read_bytes(), 0
     for place in np.linspace(0, len(content) - 1, 400).astype(int):
@@ -195,8 +195,8 @@ def test_a_full_disk_ends_with_a_message_and_leaves_sound_entries_only(monkeypat
     with monkeypatch.context() as patch:
         patch.setattr(run, "replaced", filling)
         with pytest.raises(InputError, match=r"No space left on device.*Make room and run the same again"):
-            simulate_many(sweep(5), workers=1, cache=tmp_path)
+            simulate_batch(sweep(5), workers=1, cache=tmp_path)
     assert len(entries(tmp_path)) == 2
     assert sorted(p for p in tmp_path.rglob("*") if p.is_file()) == entries(tmp_path)
-    outcomes = simulate_many(sweep(5), workers=1, cache=tmp_path)
+    outcomes = simulate_batch(sweep(5), workers=1, cache=tmp_path)
     assert sum(o.from_cache for o in outcomes) == 2 and all(o.ok for o in outcomes)

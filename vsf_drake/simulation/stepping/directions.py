@@ -1,8 +1,8 @@
-"""What a run is differentiated by, as arrays, and the room that this takes.
+"""What a run is differentiated by, as arrays, and the workspace that this takes.
 
 A way is a direction in which bodies can be displaced: each free coordinate is one, and so are, for parameters that
 move something, a prescribed coordinate, or the foot's mount as if it were a joint without mass. All parameters that
-move the same prescribed coordinate share its way: constant shifts, and courses that change with time.
+move the same prescribed coordinate share its way: constant shifts, and perturbations that change with time.
 """
 
 from __future__ import annotations
@@ -13,32 +13,33 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsf_drake.simulation.stepping.assembly import Forces, Split
+from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed
 from vsf_drake.simulation.stepping.tree import Tree
 
-UNRELATED, CARRIES, CARRIED = 0, 1, 2
+UNRELATED, ABOVE, BELOW = 0, 1, 2
 
 
-class Ways(NamedTuple):
-    """C ways, the f free coordinates first, and how P parameters enter, K of them as courses, on n steps."""
+class TangentDirections(NamedTuple):
+    """C directions, the f free coordinates first, and how P parameters enter, K of them as perturbations, on n
+    steps."""
 
     coordinate: np.ndarray  # (C,) or -1 for the mount
     body: np.ndarray  # (C,) what moves, and parent (C,): relative to which body
     parent: np.ndarray
     mount: np.ndarray  # (C, 6) motion about the body's origin in its frame, where there is no coordinate
     rows: np.ndarray  # (r,) coordinates whose equations are differentiated: the free ones, then prescribed ones
-    relation: np.ndarray  # (r, C) whether the way carries the row's coordinate (or is it), is carried by it, or neither
+    relation: np.ndarray  # (r, C) whether it carries the row's coordinate (or is it), is carried by it, or neither
     unit: np.ndarray  # (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates
-    course_way: np.ndarray  # (K,) which way a course displaces, and which parameter it is
-    course_parameter: np.ndarray
-    path: np.ndarray  # (n + 1, K) displacement by a unit of each course on the grid
+    perturbation_direction: np.ndarray  # (K,) which way a perturbation displaces, and which parameter it is
+    perturbation_parameter: np.ndarray
+    path: np.ndarray  # (n + 1, K) displacement by a unit of each perturbation on the grid
     path_rate: np.ndarray  # (K,) its rate at the start
     slide: np.ndarray  # (P,) of the fulcrum along the keel
     slides: bool  # whether any of them is not 0
-    edit_start: np.ndarray  # (S + 1,) of the site's entries in the next three: what changes in its row
-    edit_parameter: np.ndarray
-    edit_column: np.ndarray
-    edit_unit: np.ndarray
+    site_start: np.ndarray  # (S + 1,) of the site's entries in the next three: what changes in its row
+    site_parameter: np.ndarray
+    site_column: np.ndarray
+    site_unit: np.ndarray
     spring_parameter: np.ndarray  # (E,) and the next two: the same of springs
     spring_row: np.ndarray
     spring_unit: np.ndarray  # (E, 3) stiffness, stiffness_negative, damping
@@ -47,7 +48,7 @@ class Ways(NamedTuple):
 
 
 class Tangent(NamedTuple):
-    """Work space and state of the sensitivities: B bodies, f free coordinates, r rows, C ways, P parameters."""
+    """Work space and state of the sensitivities: B bodies, f free coordinates, r rows, C directions, P parameters."""
 
     S: np.ndarray  # (C, 6) motion of a unit of each way
     rate: np.ndarray  # (C, 6) what its parent's motion adds to the velocity of what it carries, at the step's start
@@ -69,13 +70,14 @@ class Tangent(NamedTuple):
     v_end: np.ndarray  # (C, P) of the velocity at the step's end
     torque: np.ndarray  # (f, P) of the applied torques
     rhs: np.ndarray  # (f, P)
-    d_row: np.ndarray  # (n,) room for the support's power on the keel's coordinates
+    d_row: np.ndarray  # (n,) workspace for the support's power on the keel's coordinates
 
 
-def make_ways(
-    tree: Tree, forces: Forces, split: Split, edits: Sequence[Edit], *, measured: np.ndarray, loads: bool = False
-) -> Ways:
-    """The ways of a run split like `split`, for the parameters that `edits` describe.
+def make_directions(
+    tree: Tree, forces: Forces, dofs: FreePrescribed, tangents: Sequence[ParameterTangent], *, measured: np.ndarray,
+    loads: bool = False
+) -> TangentDirections:
+    """The directions of a run split like `split`, for the parameters that `edits` describe.
 
     `measured` (S,) bool are the sites whose resultant wrench is asked for; with `loads` the equations of prescribed
     coordinates are differentiated too. ValueError if an edit shifts a coordinate that is not prescribed.
@@ -85,65 +87,70 @@ def make_ways(
     carriers = np.eye(len(parent_of), dtype=np.bool_)  # whether the second body carries the first, or is it
     for _, parent, child, _ in tree.links:
         carriers[child] |= carriers[parent]
-    way_of = {int(c): way for way, c in enumerate(split.free)}  # by coordinate, or -1 - axis of the mount
+    direction_of = {int(c): place for place, c in enumerate(dofs.free)}  # by coordinate, or -1 - axis of the mount
     units: dict[tuple[int, int], float] = {}  # displacement by way and parameter
-    courses: list[tuple[int, int]] = []  # way and parameter
-    for p, edit in enumerate(edits):
-        shifts = {-1 - axis: amount for axis, amount in enumerate(edit.mount) if amount}
-        if edit.coordinate is not None:
-            shifts[tree.index(edit.coordinate)] = 1.0 if edit.course is None else edit.course[0]
-        if edit.fulcrum_shift:
-            shifts[tree.index("fulcrum")] = edit.fulcrum_shift
+    perturbations: list[tuple[int, int]] = []  # way and parameter
+    for p, by_unit in enumerate(tangents):
+        shifts = {-1 - axis: amount for axis, amount in enumerate(by_unit.mount) if amount}
+        if by_unit.coordinate is not None:
+            shifts[tree.index(by_unit.coordinate)] = 1.0 if by_unit.perturbation is None else by_unit.perturbation[0]
+        if by_unit.fulcrum_shift:
+            shifts[tree.index("fulcrum")] = by_unit.fulcrum_shift
         for c, amount in shifts.items():
-            if c >= 0 and split.place[c] >= 0:
+            if c >= 0 and dofs.place[c] >= 0:
                 raise ValueError(f"{tree.coordinate_names[c]} is free: it has no shift")
-            units[way_of.setdefault(c, len(way_of)), p] = float(amount)
-        if edit.course is not None:
-            courses.append((way_of[tree.index(edit.coordinate or "")], p))
-    coordinate = np.array(list(way_of), dtype=np.int64)
-    rows = np.concatenate([split.free, split.prescribed]) if loads else split.free
+            units[direction_of.setdefault(c, len(direction_of)), p] = float(amount)
+        if by_unit.perturbation is not None:
+            perturbations.append((direction_of[tree.index(by_unit.coordinate or "")], p))
+    coordinate = np.array(list(direction_of), dtype=np.int64)
+    rows = np.concatenate([dofs.free, dofs.prescribed]) if loads else dofs.free
     of_mount, joints = coordinate < 0, tree.coordinate_bodies[rows]
     body = np.where(of_mount, forces.frame_body, tree.coordinate_bodies[coordinate])
-    mount, unit = np.zeros((len(coordinate), 6)), np.zeros((len(coordinate), len(edits)))
+    mount, unit = np.zeros((len(coordinate), 6)), np.zeros((len(coordinate), len(tangents)))
     mount[of_mount] = _mount_motions(tree, forces.frame_body)[-1 - coordinate[of_mount]]
     for place, amount in units.items():
         unit[place] = amount
-    entries = sorted((int(s), p, int(column), float(edit.sites[s, column])) for p, edit in enumerate(edits)
-                     if edit.sites is not None for s, column in np.argwhere(edit.sites))
-    springs = [(p, int(row), edit.springs[row, :3]) for p, edit in enumerate(edits) if edit.springs is not None
-               for row in np.flatnonzero(edit.springs.any(axis=1))]
-    return Ways(
+    entries = sorted((int(s), p, int(column), float(by_unit.sites[s, column])) for p, by_unit in enumerate(tangents)
+                     if by_unit.sites is not None for s, column in np.argwhere(by_unit.sites))
+    springs = [(p, int(row), by_unit.springs[row, :3]) for p,
+               by_unit in enumerate(tangents) if by_unit.springs is not None
+               for row in np.flatnonzero(by_unit.springs.any(axis=1))]
+    return TangentDirections(
         coordinate=np.maximum(coordinate, -1), body=body, parent=parent_of[body], mount=mount, rows=rows, unit=unit,
-        relation=np.where(carriers[joints][:, body], CARRIES,
-                          np.where(carriers[body][:, joints].T, CARRIED, UNRELATED)),
-        course_way=np.array([way for way, _ in courses], dtype=np.int64),
-        course_parameter=np.array([p for _, p in courses], dtype=np.int64),
-        path=np.ascontiguousarray(np.array([edits[p].course for _, p in courses], dtype=float).T) if courses
+        relation=np.where(carriers[joints][:, body], ABOVE,
+                          np.where(carriers[body][:, joints].T, BELOW, UNRELATED)),
+        perturbation_direction=np.array([direction for direction, _ in perturbations], dtype=np.int64),
+        perturbation_parameter=np.array([p for _, p in perturbations], dtype=np.int64),
+        path=np.ascontiguousarray(np.array([tangents[p].perturbation for _, p in perturbations],
+                                           dtype=float).T) if perturbations
         else np.zeros((0, 0)),
-        path_rate=np.array([edits[p].course_rate for _, p in courses], dtype=float),
-        slide=np.array([edit.fulcrum_shift for edit in edits]), slides=any(edit.fulcrum_shift for edit in edits),
-        edit_start=np.searchsorted([s for s, *_ in entries], np.arange(len(forces.sites) + 1)).astype(np.int64),
-        edit_parameter=np.array([p for _, p, _, _ in entries], dtype=np.int64),
-        edit_column=np.array([column for _, _, column, _ in entries], dtype=np.int64),
-        edit_unit=np.array([amount for *_, amount in entries], dtype=float),
+        path_rate=np.array([tangents[p].perturbation_rate for _, p in perturbations], dtype=float),
+        slide=np.array([by_unit.fulcrum_shift for by_unit in tangents]),
+        slides=any(by_unit.fulcrum_shift for by_unit in tangents),
+        site_start=np.searchsorted([s for s, *_ in entries], np.arange(len(forces.sites) + 1)).astype(np.int64),
+        site_parameter=np.array([p for _, p, _, _ in entries], dtype=np.int64),
+        site_column=np.array([column for _, _, column, _ in entries], dtype=np.int64),
+        site_unit=np.array([amount for *_, amount in entries], dtype=float),
         spring_parameter=np.array([p for p, _, _ in springs], dtype=np.int64),
         spring_row=np.array([row for _, row, _ in springs], dtype=np.int64),
         spring_unit=np.array([amount for *_, amount in springs]).reshape(-1, 3),
-        support=np.array([np.zeros(2) if edit.fulcrum is None else edit.fulcrum for edit in edits]).reshape(-1, 2),
+        support=np.array([np.zeros(2) if by_unit.fulcrum is None else by_unit.fulcrum
+                          for by_unit in tangents]).reshape(-1, 2),
         measured=np.asarray(measured, dtype=np.bool_))
 
 
-def tangent_room(tree: Tree, split: Split, ways: Ways) -> Tangent:
-    """Room for these ways; the state's sensitivities are those of a start where only prescribed ways change."""
-    B, f, r, (C, P) = len(tree.body_names), len(split.free), len(ways.rows), ways.unit.shape
+def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirections) -> Tangent:
+    """Workspace for these directions; the state's sensitivities are those of a start where only prescribed directions
+    change."""
+    B, f, r, (C, P) = len(tree.body_names), len(dofs.free), len(directions.rows), directions.unit.shape
     v = np.zeros((C, P))
-    v[ways.course_way, ways.course_parameter] = ways.path_rate
+    v[directions.perturbation_direction, directions.perturbation_parameter] = directions.path_rate
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("S", "rate", "second", "end"), (C, 6)),
         **dict.fromkeys(("coriolis", "shift", "out_shift", "out_K"), (B, 6, 6)), "dF": (B, P, 6), "dT": (P, 6),
         **dict.fromkeys(("Gq", "Gv", "B"), (r, C)), "E": (r, P), "v_end": (C, P), "torque": (f, P), "rhs": (f, P),
-        "d_row": (len(split.place),)}
-    return Tangent(touched=np.zeros(B, dtype=np.bool_), q=ways.unit.copy(), v=v,
+        "d_row": (len(dofs.place),)}
+    return Tangent(touched=np.zeros(B, dtype=np.bool_), q=directions.unit.copy(), v=v,
                    **{name: np.zeros(shape) for name, shape in shapes.items()})
 
 
@@ -160,7 +167,7 @@ def _mount_motions(tree: Tree, frame_body: int) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Edit:
+class ParameterTangent:
     """What a unit of a variable adds to the arrays of a `Mechanism` and of its `Inputs`; None for nothing."""
 
     sites: np.ndarray | None = None
@@ -171,6 +178,6 @@ class Edit:
     fulcrum_shift: float = 0.0  # m, to the fulcrum's position
     coordinate: str | None = None
     """Name of the prescribed coordinate that shifts."""
-    course: np.ndarray | None = None
+    perturbation: np.ndarray | None = None
     """(n + 1,) what that shift is times, on the grid of the run; None for 1, a constant shift."""
-    course_rate: float = 0.0  # of `course` at the start (1/s)
+    perturbation_rate: float = 0.0  # of `perturbation` at the start (1/s)

@@ -77,7 +77,7 @@ class WalkCase:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class WorkerTask:
     """What a worker needs for one walk. Person and motion go by their keys: it asks for those that it does not know."""
 
     key: str  # of everything that the numbers depend on
@@ -97,7 +97,7 @@ class Planner:
         self.parts: dict[str, Any] = {}  # (subject, model, free) and trajectories by key
         self._keys: dict[tuple[object, ...], tuple[str, Any]] = {}
 
-    def task(self, case: WalkCase) -> Task:
+    def task(self, case: WalkCase) -> WorkerTask:
         """The task of `case`; InputError if it holds what cannot be a number, a name or a time."""
         trial, free = case.trial, _names(case.free)
         if not isinstance(case.values, Mapping):
@@ -125,7 +125,7 @@ class Planner:
         made_by = software()
         key = _finite_digest("offsets", {"person": person, "motion": motion, **plain, "offsets": to_plain(offsets),
                                          "keep": sorted(self.keep), "software": made_by}, arrays)
-        return Task(key=key, person=person, motion=motion, options=options | {"offsets": offsets}, keep=self.keep,
+        return WorkerTask(key=key, person=person, motion=motion, options=options | {"offsets": offsets}, keep=self.keep,
                     software=made_by)
 
     def _key(self, identity: tuple[object, ...], part: Any, key_of: Callable[[Any], str]) -> str:

@@ -10,7 +10,7 @@ import pytest
 from made_c3d import write_c3d
 from made_laboratory import MASS, Laboratory
 
-from vsf_drake.analysis.intake import IntakeOptions, gather, take_in, walk_names
+from vsf_drake.analysis.import_walks import ImportOptions, gather, import_walks, walk_names
 from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
@@ -61,18 +61,18 @@ def test_masses_of_several_walks_become_one_person(tmp_path):
     laboratory = Laboratory(tmp_path)
     standing, walks = laboratory.standing(), [laboratory.walk("one.trc"), laboratory.walk("two.trc")]
     person = dataclasses.replace(PERSON, mass_kg=None)
-    intake = take_in(gather(standing, walks), IntakeOptions(person=person))
-    masses = {item.trial.subject.mass_kg for item in intake.items}
+    imported = import_walks(gather(standing, walks), ImportOptions(person=person))
+    masses = {item.trial.subject.mass_kg for item in imported.items}
     assert len(masses) == 1
-    assert len({item.trial.subject for item in intake.items}) == 1
-    for item in intake.items:
+    assert len({item.trial.subject for item in imported.items}) == 1
+    for item in imported.items:
         assert item.checks[0].name == "body mass"
         assert item.checks[0].mark == "doubtful"
     [mass] = masses
-    stated = take_in(gather(standing, walks), IntakeOptions(person=dataclasses.replace(PERSON, mass_kg=mass)))
-    assert intake.items[0].trial.subject == stated.items[0].trial.subject
-    assert any("median" in note for note in intake.items[0].notes)
-    assert any("which lies beside one.trc" in note for note in intake.items[0].notes)
+    stated = import_walks(gather(standing, walks), ImportOptions(person=dataclasses.replace(PERSON, mass_kg=mass)))
+    assert imported.items[0].trial.subject == stated.items[0].trial.subject
+    assert any("median" in note for note in imported.items[0].notes)
+    assert any("which lies beside one.trc" in note for note in imported.items[0].notes)
 
 
 @pytest.mark.parametrize(("mass", "mark"), [(78.5, "good"), (120.0, "unusable")])
@@ -85,7 +85,7 @@ def test_a_mass_that_the_standing_file_states_is_taken_and_held_against_the_plat
     c3d.add_parameter("PROCESSING", "Height", [1790.0])
     c3d.write(str(standing))
     person = dataclasses.replace(PERSON, mass_kg=None, stature_m=None)
-    [item] = take_in(gather(standing, [laboratory.walk()]), IntakeOptions(person=person)).items
+    [item] = import_walks(gather(standing, [laboratory.walk()]), ImportOptions(person=person)).items
     assert (item.trial.subject.mass_kg, item.trial.subject.stature_m) == (mass, pytest.approx(1.79))
     marks = {check.name: check.mark for check in item.checks}
     assert marks["mass from the forces"] == mark and not {"body mass", "stature"} & {*marks}
@@ -94,7 +94,7 @@ def test_a_mass_that_the_standing_file_states_is_taken_and_held_against_the_plat
 def test_inverse_kinematics_leaves_the_prosthetic_foot_where_its_markers_show_it(tmp_path):
     laboratory = Laboratory(tmp_path)
     files = gather(laboratory.standing(), [laboratory.walk("one.trc")])
-    plain, fitted = (take_in(files, IntakeOptions(person=PERSON, inverse_kinematics=ik)).items[0].trial
+    plain, fitted = (import_walks(files, ImportOptions(person=PERSON, inverse_kinematics=ik)).items[0].trial
                      for ik in (False, True))
     assert any("global inverse kinematics" in note for note in fitted.notes)
     ankles = []
@@ -138,8 +138,8 @@ def test_offsets_of_the_manifest_move_the_prosthesis_that_is_judged():
 def test_each_walk_may_have_its_own_fulcrum_and_the_person_stays_one(tmp_path):
     laboratory = Laboratory(tmp_path)
     files = gather(laboratory.standing(), [laboratory.walk("one.trc"), laboratory.walk("two.trc")])
-    items = take_in(files, IntakeOptions(person=PERSON, fulcrum_mm=(66.0, 151.0))).items
+    items = import_walks(files, ImportOptions(person=PERSON, fulcrum_mm=(66.0, 151.0))).items
     assert [item.trial.fulcrum_m for item in items] == pytest.approx([0.066, 0.151])
     assert items[0].trial.subject == items[1].trial.subject
     with pytest.raises(InputError, match="3 positions are given for 2 walks"):
-        take_in(files, IntakeOptions(person=PERSON, fulcrum_mm=(66.0, 108.0, 151.0)))
+        import_walks(files, ImportOptions(person=PERSON, fulcrum_mm=(66.0, 108.0, 151.0)))

@@ -1,4 +1,5 @@
-"""`simulate_many`: a list of walks in, a list of outcomes out, in the same order and with the same numbers anywhere."""
+"""`simulate_batch`: a list of walks in, a list of outcomes out, in the same order and with the same numbers
+anywhere."""
 
 from __future__ import annotations
 
@@ -22,25 +23,25 @@ import numpy as np
 from vsf_drake.errors import InputError, SimulationError, VsfError, raise_if_interrupted
 from vsf_drake.files import read_npz, replaced, user_path
 from vsf_drake.schema import to_plain
-from vsf_drake.simulation.many.cases import (
+from vsf_drake.simulation.batch.cases import (
     ARRAYS,
     DEFAULT_KEEP,
     Person,
     Planner,
-    Task,
     WalkCase,
+    WorkerTask,
     check_keep,
     digest,
     software,
 )
-from vsf_drake.simulation.many.processes import Report, SweepProgress, WorkerStartError, checked, chosen, reporting
+from vsf_drake.simulation.batch.processes import Report, SweepProgress, WorkerStartError, checked, chosen, reporting
 from vsf_drake.simulation.walk import Walker
 
 TRIAL = ("name", "subject", "model", "trajectory", "start_s", "end_s", "fulcrum_m", "offsets")
 """What a sweep reads of a trial."""
 
 
-def simulate_many(
+def simulate_batch(
     cases: Iterable[WalkCase],
     *,
     keep: Iterable[str] = DEFAULT_KEEP,
@@ -65,7 +66,7 @@ def simulate_many(
             `Client.get_executor()`; `workers` then says how many it has, if known. It is not shut down. For many sweeps
             in a row give each the same `ProcessWorkers(count)`, which also keeps every walk out of this process. A
             `ThreadPoolExecutor` starts at once and is nearly as fast, but what kills a thread kills the sweep.
-        cache: folder of finished walks, see `vsf_drake.simulation.many.run`.
+        cache: folder of finished walks, see `vsf_drake.simulation.batch.run`.
         progress: True shows a bar on a terminal and sparse lines elsewhere, on stderr; or a function that is called
             with a `SweepProgress` after every member. Nothing is shown by default.
 
@@ -80,7 +81,7 @@ def simulate_many(
             raise InputError(f"the trial of member {i} is a {type(case.trial).__name__}, no Trial", where="cases",
                              right="Give what load_trial() returns")
     with reporting(progress) as report:
-        sweep, planner = _Sweep(cases, report), Planner(kept)
+        sweep, planner = _BatchRun(cases, report), Planner(kept)
         store = None if cache is None else WalkCache(cache)
         todo = sweep.plan(planner, store)
         with (chosen(count, executor, len(todo)) as (pool, most),
@@ -128,7 +129,7 @@ class WalkOutcome:
         return q[:, names.index(name)]
 
 
-class _Sweep:
+class _BatchRun:
     """The bookkeeping: which member waits for which task, and what is known already."""
 
     def __init__(self, cases: list[WalkCase], report: Report) -> None:
@@ -138,9 +139,9 @@ class _Sweep:
         self._damage: dict[str, str] = {}
         self._refused, self._started = 0, time.monotonic()
 
-    def plan(self, planner: Planner, store: WalkCache | None) -> list[Task]:
+    def plan(self, planner: Planner, store: WalkCache | None) -> list[WorkerTask]:
         """The tasks that have to be run: each once, without those that the cache has."""
-        tasks: dict[str, Task] = {}
+        tasks: dict[str, WorkerTask] = {}
         for i, case in enumerate(self._cases):
             try:
                 task = planner.task(case)
@@ -227,7 +228,7 @@ class Reply:
     notes: tuple[str, ...] = ()
 
 
-def run_task(task: Task) -> Reply:
+def run_task(task: WorkerTask) -> Reply:
     """Walks, and answers in any case: only an interruption or the end of the process leaves it without a reply."""
     try:
         here = software()
@@ -248,7 +249,7 @@ def run_task(task: Task) -> Reply:
         return Reply(kind, _said(error))
 
 
-def _walked(walker: Walker, motion: Any, task: Task) -> Reply:
+def _walked(walker: Walker, motion: Any, task: WorkerTask) -> Reply:
     options = task.options
     walk = walker.walk(motion, **options)
     result = walker.result(walk, _NAMELESS, options["offsets"], energy="energy_j" in task.keep)
@@ -263,7 +264,7 @@ def _walked(walker: Walker, motion: Any, task: Task) -> Reply:
                  refined_steps=result.refined_steps, wall_s=result.wall_s, notes=tuple(result.notes))
 
 
-def _known(task: Task, key: str) -> Any:
+def _known(task: WorkerTask, key: str) -> Any:
     """The person or recording with that key: from the task, or remembered; None if neither."""
     with _lock:
         known = task.parts.get(key, _parts.pop(key, None))
@@ -298,15 +299,15 @@ LOOK_EVERY_S = 0.2  # how often to look for tasks that were cancelled from outsi
 
 
 def _dispatch(
-    tasks: Iterable[Task], parts: Mapping[str, Any], executor: Any, most: int
-) -> Generator[tuple[Task, Reply]]:
+    tasks: Iterable[WorkerTask], parts: Mapping[str, Any], executor: Any, most: int
+) -> Generator[tuple[WorkerTask, Reply]]:
     """Yields each task with its reply as they finish, with `most` kept submitted; closing it calls off the others.
 
     Workers get persons and recordings (`parts`, by key) only when they ask for them: once each, not once a task.
     """
     queue = deque(tasks)
     tried: dict[str, int] = {}
-    running: dict[Future[Reply], Task] = {}
+    running: dict[Future[Reply], WorkerTask] = {}
     closed = ""
     try:
         while queue or running:
@@ -387,7 +388,7 @@ class WalkCache:
         except Exception as error:  # a damaged file can make its readers raise anything
             return None, f"Its cache entry was damaged ({error}); it was computed anew."
 
-    def write(self, task: Task, reply: Reply) -> None:
+    def write(self, task: WorkerTask, reply: Reply) -> None:
         """Keeps `reply`, if it is worth keeping; InputError if the disk is full."""
         if reply.kind not in LASTING:
             return
@@ -406,7 +407,7 @@ _PLAIN = ("text", "unconverged_steps", "refined_steps", "wall_s", "notes", "colu
 """What an entry says of a `Reply` beside its kind and arrays."""
 
 
-def _encoded(task: Task, reply: Reply) -> bytes:
+def _encoded(task: WorkerTask, reply: Reply) -> bytes:
     options = {name: value for name, value in task.options.items() if not callable(value)}
     about: dict[str, Any] = {
         "key": task.key, "kind": reply.kind.value, **{name: to_plain(getattr(reply, name)) for name in _PLAIN},

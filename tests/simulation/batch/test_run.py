@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError, VsfError
-from vsf_drake.simulation.many import SweepProgress, WalkCase, run, simulate_many
-from vsf_drake.simulation.many.processes import LINE_EVERY_S, sparse_lines
+from vsf_drake.simulation.batch import SweepProgress, WalkCase, run, simulate_batch
+from vsf_drake.simulation.batch.processes import LINE_EVERY_S, sparse_lines
 from vsf_drake.simulation.walk import Walker
 
 UNDER_GROUND = {"coordinate.pelvis_ty": -0.6}
@@ -22,7 +22,7 @@ UNDER_GROUND = {"coordinate.pelvis_ty": -0.6}
 def test_a_member_is_the_same_walk_as_a_single_one(trial, sweep):
     keep = ("time_s", "grf_W", "q", "energy_j", "socket_wrench", "fulcrum_m")
     walker = Walker(trial.subject, trial.model)
-    for case, outcome in zip(sweep(2), simulate_many(sweep(2), keep=keep, workers=1), strict=True):
+    for case, outcome in zip(sweep(2), simulate_batch(sweep(2), keep=keep, workers=1), strict=True):
         walk = walker.walk(trial.trajectory, fulcrum_m=case.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
                            offsets=trial.offsets, values=case.values)
         result = walker.result(walk, trial, trial.offsets)
@@ -38,15 +38,15 @@ def test_a_member_is_the_same_walk_as_a_single_one(trial, sweep):
 @pytest.mark.slow
 def test_same_numbers_on_one_worker_on_two_and_on_threads_in_any_order(sweep, assert_same):
     cases, keep = sweep(7), ("time_s", "grf_W", "cop_W", "q", "v", "sphere_friction_W")
-    one = simulate_many(cases, keep=keep, workers=1)
+    one = simulate_batch(cases, keep=keep, workers=1)
     assert all(o.ok for o in one)
     assert len({o.arrays["grf_W"].tobytes() for o in one}) == 7
-    assert_same(one, simulate_many(cases, keep=keep, workers=2))
-    assert_same(one, simulate_many(cases[::-1], keep=keep, workers=1)[::-1])
+    assert_same(one, simulate_batch(cases, keep=keep, workers=2))
+    assert_same(one, simulate_batch(cases[::-1], keep=keep, workers=1)[::-1])
     with ThreadPoolExecutor(3) as threads:
-        assert_same(one, simulate_many(cases, keep=keep, executor=threads))
+        assert_same(one, simulate_batch(cases, keep=keep, executor=threads))
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as processes:
-        assert_same(one, simulate_many(cases, keep=keep, executor=processes, workers=1))
+        assert_same(one, simulate_batch(cases, keep=keep, executor=processes, workers=1))
 
 
 def test_failing_members_are_reported_with_their_parameters_and_the_others_finish(trial, sweep):
@@ -57,7 +57,7 @@ def test_failing_members_are_reported_with_their_parameters_and_the_others_finis
         (WalkCase(trial=trial, values=UNDER_GROUND, label="buried"), "pelvis_ty -0.6: the simulation failed"),
         (WalkCase(trial=replace(trial, end_s=1e3)), "lies outside the recording"),
     ]
-    outcomes = simulate_many([*(case for case, _ in bad), *sweep(2)], workers=1)
+    outcomes = simulate_batch([*(case for case, _ in bad), *sweep(2)], workers=1)
     for (case, word), outcome in zip(bad, outcomes[:-2], strict=True):
         assert not outcome.ok and outcome.case is case
         assert word in outcome.failure and trial.name in outcome.failure and case.label in outcome.failure
@@ -102,13 +102,13 @@ def counted(monkeypatch):
 def test_a_person_is_built_once_and_walked_often(counted, trial, sweep):
     heavier = replace(trial, subject=replace(trial.subject, mass_kg=90.0))
     again = replace(trial, name="the same person in a longer walk", end_s=trial.end_s + 0.01)
-    simulate_many([*sweep(3), WalkCase(trial=heavier), WalkCase(trial=again)], workers=1)
+    simulate_batch([*sweep(3), WalkCase(trial=heavier), WalkCase(trial=again)], workers=1)
     assert (counted.built, counted.walked) == (2, 5)
 
 
 def test_threads_never_share_a_walker(counted, sweep):
     with ThreadPoolExecutor(3) as threads:
-        outcomes = simulate_many(sweep(9), executor=threads)
+        outcomes = simulate_batch(sweep(9), executor=threads)
     assert all(o.ok for o in outcomes)
     assert counted.clashes == 0 and counted.built <= 3 and counted.walked == 9
 
@@ -118,8 +118,8 @@ def test_energy_is_worked_out_only_when_asked_for(monkeypatch, sweep):
         raise AssertionError("nobody asked for it")
 
     monkeypatch.setattr(Walker, "_ledger", refuse)
-    assert simulate_many(sweep(1), workers=1)[0].ok
-    assert "nobody asked" in simulate_many(sweep(1), keep=["energy_j"], workers=1)[0].failure
+    assert simulate_batch(sweep(1), workers=1)[0].ok
+    assert "nobody asked" in simulate_batch(sweep(1), keep=["energy_j"], workers=1)[0].failure
 
 
 @pytest.mark.parametrize(("options", "word"), [
@@ -129,7 +129,7 @@ def test_energy_is_worked_out_only_when_asked_for(monkeypatch, sweep):
     ({"cache": 3}, "a int is no folder"), ({"cases": [3]}, "member 0 is a int")])
 def test_misuse_is_refused_before_anything_runs(counted, sweep, options, word):
     with pytest.raises(InputError, match=word):
-        simulate_many(**({"cases": sweep(1)} | options))
+        simulate_batch(**({"cases": sweep(1)} | options))
     assert counted.walked == 0
 
 
@@ -143,26 +143,26 @@ def started(monkeypatch):
             sizes.append(workers)
             super().__init__(1)
 
-    monkeypatch.setattr("vsf_drake.simulation.many.processes.ProcessWorkers", Counted)
+    monkeypatch.setattr("vsf_drake.simulation.batch.processes.ProcessWorkers", Counted)
     return sizes
 
 
 def test_no_more_workers_are_started_than_there_are_walks_to_make(started, sweep, trial, tmp_path):
     odd = WalkCase(trial=trial, step_s=0.0, fulcrum_m=lambda t: 0.1)  # is refused before it is a walk to make
-    assert simulate_many([], workers=1000) == []
-    simulate_many([*sweep(1), *sweep(1), odd], workers=1000, cache=tmp_path)
+    assert simulate_batch([], workers=1000) == []
+    simulate_batch([*sweep(1), *sweep(1), odd], workers=1000, cache=tmp_path)
     assert started == []
-    simulate_many([*sweep(4), odd], workers=1000, cache=tmp_path)
+    simulate_batch([*sweep(4), odd], workers=1000, cache=tmp_path)
     assert started == [3]  # the first of the four is in the cache
-    outcomes = simulate_many(sweep(4), workers=1000, cache=tmp_path)
+    outcomes = simulate_batch(sweep(4), workers=1000, cache=tmp_path)
     assert started == [3] and all(outcome.from_cache for outcome in outcomes)
-    simulate_many(sweep(3), workers=2)
+    simulate_batch(sweep(3), workers=2)
     assert started == [3, 2]
 
 
 def test_a_pool_that_would_fork_is_refused(sweep):
     with ProcessPoolExecutor(1, mp_context=get_context("fork")) as forking, pytest.raises(InputError, match="fork"):
-        simulate_many(sweep(1), executor=forking)
+        simulate_batch(sweep(1), executor=forking)
 
 
 HALF = SweepProgress(total=100, done=50, failed=1, from_cache=20, simulated=30, elapsed_s=10.0)
@@ -184,17 +184,17 @@ def test_lines_are_sparse_and_the_last_one_is_never_left_out():
 
 
 def test_a_library_call_prints_nothing_and_true_prints_to_stderr(sweep, capsys):
-    simulate_many(sweep(2), workers=1)
+    simulate_batch(sweep(2), workers=1)
     assert capsys.readouterr() == ("", "")
-    simulate_many(sweep(2), workers=1, progress=True)
+    simulate_batch(sweep(2), workers=1, progress=True)
     out, err = capsys.readouterr()
     assert out == "" and "2 of 2 walks" in err
 
 
 def test_a_function_is_told_the_start_every_member_and_what_came_from_the_cache(sweep, tmp_path):
     states = []
-    simulate_many(sweep(2), workers=1, cache=tmp_path)
-    simulate_many(sweep(4), workers=1, cache=tmp_path, progress=states.append)
+    simulate_batch(sweep(2), workers=1, cache=tmp_path)
+    simulate_batch(sweep(4), workers=1, cache=tmp_path, progress=states.append)
     assert states[-1].done == states[-1].total == 4
     assert [s.simulated for s in states] == list(range(len(states)))
     assert all(s.from_cache == states[0].from_cache for s in states)

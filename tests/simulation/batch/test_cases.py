@@ -7,8 +7,8 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.simulation.many import WalkCase, grid_values, sample_values, simulate_many
-from vsf_drake.simulation.stepping.ways import Edit
+from vsf_drake.simulation.batch import WalkCase, grid_values, sample_values, simulate_batch
+from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.variables import Variable
 
 
@@ -33,7 +33,7 @@ UNUSABLE = {
 @pytest.mark.parametrize("held", UNUSABLE)
 def test_a_member_that_holds_what_cannot_be_walked_is_refused_by_the_fields_name(trial, walks, held):
     fields, word = UNUSABLE[held]
-    [outcome] = simulate_many([WalkCase(trial=trial, label="odd", **fields)], workers=1)
+    [outcome] = simulate_batch([WalkCase(trial=trial, label="odd", **fields)], workers=1)
     assert not outcome.ok and not walks
     assert word in outcome.failure and "odd" in outcome.failure and trial.name in outcome.failure
     assert len(outcome.failure) < 500
@@ -41,12 +41,12 @@ def test_a_member_that_holds_what_cannot_be_walked_is_refused_by_the_fields_name
 
 def test_what_is_no_trial_is_refused_before_anything_runs(sweep, walks):
     with pytest.raises(InputError, match="member 1 is a str, no Trial"):
-        simulate_many([*sweep(1), WalkCase(trial="walk")], workers=1)
+        simulate_batch([*sweep(1), WalkCase(trial="walk")], workers=1)
     assert not walks
 
 
 def test_nobody_can_put_other_arrays_into_an_outcome(sweep):
-    [outcome] = simulate_many(sweep(1), workers=1)
+    [outcome] = simulate_batch(sweep(1), workers=1)
     with pytest.raises(TypeError):
         outcome.arrays["grf_W"] = np.zeros(3)
     with pytest.raises(AttributeError):
@@ -54,8 +54,8 @@ def test_nobody_can_put_other_arrays_into_an_outcome(sweep):
 
 
 VARIABLES = {
-    "stiffness": Variable("stiffness", "N/m", 1e4, 1e3, 1e5, 1.0, Edit()),
-    "height": Variable("height", "m", 0.0, -0.02, 0.06, -1.0, Edit(), added=True)}
+    "stiffness": Variable("stiffness", "N/m", 1e4, 1e3, 1e5, 1.0, ParameterTangent()),
+    "height": Variable("height", "m", 0.0, -0.02, 0.06, -1.0, ParameterTangent(), added=True)}
 
 
 def test_grid_holds_every_combination_with_the_last_axis_fastest():

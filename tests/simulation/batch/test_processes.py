@@ -17,8 +17,8 @@ import pytest
 from deadly import Deadly, Unreadable
 from kills import gone_soon, session_of
 
-from vsf_drake.simulation.many import WalkCase, processes, run, simulate_many
-from vsf_drake.simulation.many.processes import ProcessWorkers
+from vsf_drake.simulation.batch import WalkCase, processes, run, simulate_batch
+from vsf_drake.simulation.batch.processes import ProcessWorkers
 
 
 def children() -> list[int]:
@@ -46,18 +46,18 @@ def test_killed_worker_costs_only_its_own_task(sweep, assert_same):
 
     cases = sweep(12)
     with processes.ProcessWorkers(2) as pool:
-        outcomes = simulate_many(cases, executor=pool, workers=2, progress=kill_one)
+        outcomes = simulate_batch(cases, executor=pool, workers=2, progress=kill_one)
     assert len(killed) == 1 and children() == before
-    assert_same(outcomes, simulate_many(cases, workers=1))
+    assert_same(outcomes, simulate_batch(cases, workers=1))
 
 
 @pytest.mark.slow
 def test_a_task_that_lost_its_worker_once_is_tried_again(trial, sweep, tmp_path, assert_same):
     log = tmp_path / "deaths"
     with processes.ProcessWorkers(2) as pool:
-        outcomes = simulate_many([killing(trial, log, 1), *sweep(3)], executor=pool, workers=2)
+        outcomes = simulate_batch([killing(trial, log, 1), *sweep(3)], executor=pool, workers=2)
     assert log.read_text().count("died") == 1
-    assert_same(outcomes, simulate_many([WalkCase(trial=trial), *sweep(3)], workers=1))
+    assert_same(outcomes, simulate_batch([WalkCase(trial=trial), *sweep(3)], workers=1))
 
 
 @pytest.mark.slow
@@ -65,7 +65,7 @@ def test_a_task_that_kills_its_worker_twice_is_reported_and_never_cached(trial, 
     log, cache = tmp_path / "deaths", tmp_path / "cache"
     cases = [*sweep(4), killing(trial, log, 99, fulcrum_m=0.1234, label="killer"), *sweep(8)[4:]]
     with processes.ProcessWorkers(2) as pool:
-        outcomes = simulate_many(cases, executor=pool, workers=2, cache=cache)
+        outcomes = simulate_batch(cases, executor=pool, workers=2, cache=cache)
     assert log.read_text().count("died") == 2
     assert [o.ok for o in outcomes] == [True] * 4 + [False] + [True] * 4
     for word in ("killer", "123.4 mm", "SIGKILL", "tried 2 times"):
@@ -78,7 +78,7 @@ def test_a_task_that_a_worker_cannot_read_fails_alone(trial, sweep):
     motion = trial.trajectory
     odd = replace(trial, trajectory=Unreadable(motion.ordered((*motion.names[1:], motion.names[0]))))
     with processes.ProcessWorkers(2) as pool:
-        outcomes = simulate_many([WalkCase(trial=odd), *sweep(2)], executor=pool, workers=2)
+        outcomes = simulate_batch([WalkCase(trial=odd), *sweep(2)], executor=pool, workers=2)
     assert [o.ok for o in outcomes] == [False, True, True]
     assert "cannot be read here" in outcomes[0].failure
 
@@ -104,14 +104,14 @@ def kill_one_that_is_not(own: int, pool: processes.ProcessWorkers) -> None:
 def test_a_sweep_that_is_over_does_not_wait_for_workers_that_still_start(monkeypatch, sweep):
     before = children()
     monkeypatch.setattr(processes, "_CODE", "import time; time.sleep(60)  # {path} {descriptor}")
-    assert all(outcome.ok for outcome in simulate_many(sweep(3), workers=2))
+    assert all(outcome.ok for outcome in simulate_batch(sweep(3), workers=2))
     assert children() == before
 
 
 def test_workers_that_cannot_start_end_the_sweep_with_a_message(monkeypatch, sweep, capfd):
     monkeypatch.setattr(processes, "_CODE", "import sys; sys.exit('no such library')  # {path} {descriptor}")
     with pytest.raises(processes.WorkerStartError, match="exit code 1"):
-        simulate_many(sweep(2000), workers=2)
+        simulate_batch(sweep(2000), workers=2)
     assert "no such library" in capfd.readouterr().err
 
 
@@ -124,7 +124,7 @@ def test_what_the_machine_did_is_tried_twice_and_not_cached(monkeypatch, sweep, 
         raise error
 
     monkeypatch.setattr(run, "_walked", fail)
-    [outcome] = simulate_many(sweep(1), workers=1, cache=tmp_path)
+    [outcome] = simulate_batch(sweep(1), workers=1, cache=tmp_path)
     assert len(tried) == 2
     assert type(error).__name__ in outcome.failure and "tried 2 times" in outcome.failure
     assert len(list(tmp_path.rglob("*.npz"))) == kept
@@ -137,7 +137,7 @@ def test_an_executor_that_is_shut_down_during_the_sweep_fails_what_it_did_not_do
 
     threads, found = ThreadPoolExecutor(1), []
     sweeping = threading.Thread(
-        target=lambda: found.extend(simulate_many(sweep(6), executor=threads, progress=stop)), daemon=True)
+        target=lambda: found.extend(simulate_batch(sweep(6), executor=threads, progress=stop)), daemon=True)
     sweeping.start()
     sweeping.join(60.0)
     assert not sweeping.is_alive(), "the sweep waits for ever"
@@ -158,13 +158,13 @@ def test_a_task_that_is_cancelled_from_outside_is_tried_again(sweep):
             return future
 
     with Cancelling(1) as executor:
-        assert all(outcome.ok for outcome in simulate_many(sweep(3), executor=executor))
+        assert all(outcome.ok for outcome in simulate_batch(sweep(3), executor=executor))
     assert executor.cancelled == 1
 
 
 def test_a_worker_with_other_software_is_refused(monkeypatch, sweep):
     monkeypatch.setattr(run, "software", lambda: {"drake": "0.1"})
-    [outcome] = simulate_many(sweep(1), workers=1)
+    [outcome] = simulate_batch(sweep(1), workers=1)
     assert "drake 0.1 instead of" in outcome.failure
 
 
@@ -176,11 +176,11 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # tests that run in th
 from dataclasses import replace
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.simulation.many import WalkCase, simulate_many
+from vsf_drake.simulation.batch import WalkCase, simulate_batch
 trial = load_trial(embedded_trials("exact")[0])
 trial = replace(trial, start_s=0.45, end_s=0.65)
 cases = [WalkCase(trial=trial, fulcrum_m=0.07 + 1e-3 * i) for i in range(60)]
-outcomes = simulate_many(cases, workers=2, cache=sys.argv[1], progress=lambda state: print(state.done, flush=True))
+outcomes = simulate_batch(cases, workers=2, cache=sys.argv[1], progress=lambda state: print(state.done, flush=True))
 print("simulated", sum(not o.from_cache for o in outcomes), "failed", sum(not o.ok for o in outcomes))
 """
 
@@ -237,11 +237,11 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_numbers(sweep, assert_sa
     options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
     with (distributed.LocalCluster(**options) as cluster,
           distributed.Client(cluster) as client):
-        outcomes = simulate_many(cases, executor=client.get_executor(), workers=2)
+        outcomes = simulate_batch(cases, executor=client.get_executor(), workers=2)
         pids = client.run(os.getpid)
     assert len(set(pids.values()) - {os.getpid()}) == 2
     assert [o.ok for o in outcomes] == [i != 4 for i in range(10)]
-    assert_same(outcomes, simulate_many(cases, workers=1))
+    assert_same(outcomes, simulate_batch(cases, workers=1))
 
 
 HOSTILE = ("signal", "numpy", "vsf_drake", "yaml", "scipy", "numba", "gc", "matplotlib", "usercustomize", "evil")

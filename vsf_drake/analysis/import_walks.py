@@ -34,7 +34,7 @@ RESERVED = ("subject", "model", "standing", "import")  # names that a result fol
 
 
 @dataclass(frozen=True, kw_only=True)
-class IntakeOptions(TrialOptions):
+class ImportOptions(TrialOptions):
     """How to read and what is known beside the files."""
 
     person: PersonFacts
@@ -46,7 +46,7 @@ class IntakeOptions(TrialOptions):
 
 
 @dataclass(frozen=True, eq=False)
-class Intake:
+class ImportedWalks:
     """What came of the files."""
 
     items: tuple[Examined, ...]  # one per walk that could be used, all of one subject and one model
@@ -56,8 +56,8 @@ class Intake:
     inputs: dict[str, str]  # SHA-256 by file
 
 
-def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, float], None] | None = None
-            ) -> Intake:
+def import_walks(files: FileSet, options: ImportOptions, *, progress: Callable[[str, float], None] | None = None
+            ) -> ImportedWalks:
     """Reads, calibrates, tracks and checks every walk; `progress` is told what is done and the finished fraction.
 
     Of several walks, one that cannot be used is only listed; refused if none can.
@@ -87,14 +87,14 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
     if len(set(masses)) > 1:  # one person weighs one mass
         mass = float(np.median(masses))
         one = dataclasses.replace(options.person, mass_kg=mass)
-        note = say("intake", "median_mass", mass_kg=mass, masses=masses)
+        note = say("import", "median_mass", mass_kg=mass, masses=masses)
         made = {walk: _noted(make(walk, one), note) for walk in made}
     trials, model_notes, scaled = _one_model(list(made.values()), options)
     items, names = [], []
     for trial, walk, name in zip(trials, made, walk_names(list(made)), strict=True):
         person = with_files(options.person, standing, trials[0].recording)[0]
         forces = files.forces[files.walks.index(walk)]
-        beside = say("intake", "forces_beside", forces=forces.name, walk=walk.name) if forces in files.beside else []
+        beside = say("import", "forces_beside", forces=forces.name, walk=walk.name) if forces in files.beside else []
         try:
             check_mass(trial, file=walk)
             notes = tuple(dict.fromkeys((*beside, *model_notes, *trial.notes)))
@@ -110,11 +110,12 @@ def take_in(files: FileSet, options: IntakeOptions, *, progress: Callable[[str, 
             raise next(iter(different.values()))
         raise InputError("none of the walks can be used:\n" + "\n".join(f"- {message}" for message in different))
     read = dict.fromkeys((files.standing, files.standing_forces, *files.walks, *files.forces))
-    return Intake(tuple(items), tuple(names), {str(path): str(error) for path, error in failures.items()}, scaled,
+    return ImportedWalks(tuple(items), tuple(names), {str(path): str(error) for path, error in failures.items()},
+                         scaled,
                   {str(path): sha256(path) for path in read if path is not None and path.is_file()})
 
 
-def _fulcrums(options: IntakeOptions, walks: int) -> tuple[float, ...]:
+def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:
     stated = options.fulcrum_mm or (1e3 * MID_FULCRUM_M,)
     if len(stated) not in (1, walks):
         raise InputError(f"{len(stated)} positions are given for {walks} walks", where="--fulcrum-mm",
@@ -124,9 +125,9 @@ def _fulcrums(options: IntakeOptions, walks: int) -> tuple[float, ...]:
                  for position in (stated if len(stated) == walks else stated * walks))
 
 
-def _one_model(trials: list[Trial], options: IntakeOptions) -> tuple[list[Trial], list[str], bool]:
+def _one_model(trials: list[Trial], options: ImportOptions) -> tuple[list[Trial], list[str], bool]:
     """The trials with the model's foot as long as the person's, where that is asked for, and notes."""
-    notes = [] if options.fulcrum_mm else say("intake", "mid_range", fulcrum_m=MID_FULCRUM_M)
+    notes = [] if options.fulcrum_mm else say("import", "mid_range", fulcrum_m=MID_FULCRUM_M)
     calibration = trials[0].calibration if trials else None
     if not options.scale_prosthesis or calibration is None:
         return trials, notes, False
@@ -137,7 +138,7 @@ def _one_model(trials: list[Trial], options: IntakeOptions) -> tuple[list[Trial]
     moved = [dataclasses.replace(trial, model=model, fulcrum_m=check_fulcrum(
         trial.fulcrum_m * (1.0 if options.fulcrum_mm else ratio), model.foot, where="--fulcrum-mm"))
         for trial in trials]
-    return moved, notes + say("intake", "scaled", length_m=length, ratio=ratio), True
+    return moved, notes + say("import", "scaled", length_m=length, ratio=ratio), True
 
 
 def scale_foot(foot: FootParameters, *, length: float = 1.0, thickness: float = 1.0) -> FootParameters:
@@ -164,12 +165,12 @@ def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -
     rows = ((person.mass_kg is None, "mass", "body mass", subject.mass_kg, "kg", WEIGHED),
             (person.stature_m is None, "stature", "stature", subject.stature_m, "m", None),
             (standing is None, "standing", "standing trial", None, "", 2 * FITTED_HIP_BW_PER_DEG))
-    return [Check(name, "doubtful", value, unit, say("intake", part, subject=subject)[0], cost_bw=cost)
+    return [Check(name, "doubtful", value, unit, say("import", part, subject=subject)[0], cost_bw=cost)
             for unknown, part, name, value, unit, cost in rows if unknown]
 
 
 def _make_trial(files: FileSet, number: int, standing: Recording | None, marker_map: MarkerMap | None,
-                options: IntakeOptions, fulcrums_m: Sequence[float], calibration: Calibration | None) -> Trial:
+                options: ImportOptions, fulcrums_m: Sequence[float], calibration: Calibration | None) -> Trial:
     """The trial of one walk: read, calibrated (or with the `calibration` of another walk), tracked, weighed."""
     walk, forces = files.walks[number], files.forces[number]
     recording = read_trial(walk, forces=forces, **options.laboratory)
@@ -194,7 +195,7 @@ def _make_trial(files: FileSet, number: int, standing: Recording | None, marker_
         if felt.value is None:
             raise error from None
         trial = _noted(make(dataclasses.replace(options.person, mass_kg=felt.value)),
-                       say("intake", "impulse_mass", mass_kg=felt.value))
+                       say("import", "impulse_mass", mass_kg=felt.value))
     if not options.inverse_kinematics:
         return trial
     return refined(trial, cutoff_hz=options.cutoff_hz, longest_gap_s=options.longest_gap_s)

@@ -11,7 +11,7 @@ import pytest
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.motion.trial_record import Trial
-from vsf_drake.simulation.many import WalkCase, WalkOutcome, run
+from vsf_drake.simulation.batch import WalkCase, WalkOutcome, run
 
 LOADED_S = 0.45
 """Some time in the embedded walk at which the prosthetic foot carries load."""
