@@ -21,6 +21,7 @@ from vsf_drake.simulation.stepping.stepper import (
     Inputs,
     Stepper,
     advance,
+    diverged,
     drive_of,
     next_substep,
     no_torques,
@@ -167,6 +168,15 @@ def test_step_that_converges_in_no_size_is_kept_and_counted():
     assert np.all(record.parts[~record.converged] > LEVELS)
     assert np.all(record.iterations <= MAX_ITERATIONS * 2 * PARTS)
     assert np.isfinite(record.q).all() and np.isfinite(record.sites).all()
+
+
+def test_speed_beyond_the_limit_either_way_and_what_is_no_number_have_diverged():
+    ok = np.array([0.1, -2.0, 9.9])
+    assert diverged(ok, -ok, 10.0) == -1
+    for at, (q, v) in enumerate(((0.0, 10.0), (0.0, -10.0), (np.nan, 0.0))):
+        assert diverged(np.where(np.arange(3) == at, q, ok), np.where(np.arange(3) == at, v, ok), 10.0) == at
+    for q, v in ((np.inf, 0.0), (-np.inf, 0.0), (0.0, np.nan)):
+        assert diverged(np.array([0.0, q]), np.array([0.0, v]), 10.0) == 1
 
 
 def test_advance_goes_on_where_it_stopped():
