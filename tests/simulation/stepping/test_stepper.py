@@ -186,7 +186,9 @@ def test_advance_goes_on_where_it_stopped():
     first = int(np.argmax(record.parts > 1)) + 1
     part = dataclasses.replace(inputs, **{name: getattr(inputs, name)[first:] for name in (
         "time_s", "prescribed_q", "fulcrum", "ground")})
-    later = Stepper(mechanism).run(part, record.q[first - 1], record.v[first - 1])
+    shares = []
+    later = Stepper(mechanism).run(part, record.q[first - 1], record.v[first - 1], progress=shares.append)
+    assert shares == sorted(shares) and shares[0] > 0.0 and shares[-1] == 1.0
     assert advance.signatures
     np.testing.assert_array_equal(later.q, record.q[first:])
     np.testing.assert_array_equal(later.parts, record.parts[first:])
