@@ -49,7 +49,7 @@ def test_force_that_is_worse_than_a_constant_is_doubted():
 
 def test_what_no_whole_stance_shows_is_not_doubted():
     for walk, plate in ((make_walk(), make_plate(stances=())), (make_walk(start_s=0.85, end_s=1.5), make_plate())):
-        assert not [sentence for sentence in doubted(walk, plate) if "mass_kg" in sentence or "nan" in sentence]
+        assert not [sentence for sentence in warned(walk, plate) if "mass_kg" in sentence or "nan" in sentence]
 
 
 def test_foot_that_brushes_the_ground_in_swing_is_told_with_time_and_load_but_for_a_touch():
@@ -58,7 +58,7 @@ def test_foot_that_brushes_the_ground_in_swing_is_told_with_time_and_load_but_fo
     brushed = (walk.time_s > 0.3505) & (walk.time_s < 0.3805)
     for share, told in ((0.08, True), (0.04, False)):
         grf = walk.grf_W + np.outer(share * WEIGHT_N * brushed, [0.0, 0.0, 1.0])
-        words = " ".join(doubted(dataclasses.replace(walk, grf_W=grf), make_plate()))
+        words = " ".join(warned(dataclasses.replace(walk, grf_W=grf), make_plate()))
         assert ("brushes the ground outside a stance at 0.350 s (0.08 body weights)." in words) == told, words
 
 
