@@ -20,6 +20,7 @@ import pytest
 import yaml
 
 from vsf_drake.analysis.tuning.schedule import load_schedule
+from vsf_drake.analysis.validation.bench_section import StoodTable
 from vsf_drake.analysis.validation.run import SectionStore
 from vsf_drake.errors import InputError
 from vsf_drake.files import ALWAYS_BYTES, flat, plain, read_json, read_npz, record, replaced, sha256, write_json
@@ -262,9 +263,11 @@ def from_fit(path):
 
 
 def from_store(path):
-    about = {"key": "k", "arrays_sha256": sha256(path), "table": {}, "missing": [], "wall_s": 1.0}
+    about = {"key": "k", "arrays_sha256": sha256(path), "missing": [], "wall_s": 1.0,
+             "table": plain(StoodTable(rows=(), worst_mass_error=None, paper_mass_error=0.026, duration_s=10.0,
+                                       all_stand=None))}
     path.with_suffix(".json").write_text(json.dumps(about), encoding="utf-8")
-    if SectionStore(path.parent, "k").read("result") is None:  # it is computed anew
+    if SectionStore(path.parent, "k").read("result", StoodTable) is None:  # it is computed anew
         raise InputError("damaged")
 
 

@@ -34,6 +34,7 @@ from virtual_laboratory.trc import write_trc
 from vsf_drake.analysis.contact_fit.table import fit_arrays, fit_json
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.analysis.validation.bench_lines import load_measured_bench
+from vsf_drake.analysis.validation.bench_section import StoodTable
 from vsf_drake.analysis.validation.run import SectionStore
 from vsf_drake.analysis.validation.study import Section
 from vsf_drake.bench_curves import load_bench_curves, load_bench_file
@@ -167,8 +168,9 @@ READERS = (
            (in_folder(VALIDATION.read), in_folder(VALIDATION.check)), anything, signed="validation.json"),
     Reader("validation_page", ("validation.json", "validation.npz"), (in_folder(VALIDATION.remake),), anything,
            signed="validation.json", slow=150, most_s=DRAWING_S),
-    Reader("section", ("walking.json", "walking.npz"), (in_folder(lambda at: SectionStore(at, KEY).read("walking")),),
-           anything, signed="walking.json"),
+    Reader("section", ("standing.json", "standing.npz"),
+           (in_folder(lambda at: SectionStore(at, KEY).read("standing", StoodTable)),), anything,
+           signed="standing.json"),
     Reader("sweep", ("sweep.json",), (in_folder(lambda out: check_sweep_folder(out, [small_trial()])),), anything),
     Reader("cache", (f"{KEY[:2]}/{KEY}.npz",), (lambda path: WalkCache(path.parents[1]).read(KEY),), anything),
 )
@@ -332,8 +334,8 @@ def _write_results(folder: Path, validation: Path | None) -> None:
             "provenance": {"versions": {}, "inputs_sha256": {}}, "sections": {}}, {"walking__x": np.ones(3)})
     for name in ("tuning", "schedule", "validation"):
         shutil.copytree(folder / name, folder / f"{name}_page")
-    section = Section(table={"a": 1}, arrays={"x": np.ones(3)}, missing=())
-    SectionStore(folder / "section", KEY).write("walking", section, 1.0)
+    stood = StoodTable(rows=(), worst_mass_error=None, paper_mass_error=0.026, duration_s=10.0, all_stand=None)
+    SectionStore(folder / "section", KEY).write("standing", Section(table=stood, arrays={"x": np.ones(3)}), 1.0)
     (folder / "sweep").mkdir()
     own = small_trial()
     write_json(folder / "sweep" / "sweep.json", {

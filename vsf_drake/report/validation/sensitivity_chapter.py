@@ -15,8 +15,8 @@ from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import Arrays, drawing, label, say_synthetic
 
 if TYPE_CHECKING:
+    from vsf_drake.analysis.validation.sensitivity_indices import Index
     from vsf_drake.analysis.validation.sensitivity_section import GroupedEffect, SensitivityTable
-from vsf_drake.analysis.validation.sensitivity_indices import Index
 
 
 class Output(NamedTuple):

@@ -77,10 +77,10 @@ def make_directions(
     tree: Tree, forces: Forces, dofs: FreePrescribed, tangents: Sequence[ParameterTangent], *, measured: np.ndarray,
     loads: bool = False
 ) -> TangentDirections:
-    """The directions of a run split like `split`, for the parameters that `edits` describe.
+    """The directions of a run with these `dofs`, for the parameters that `tangents` describe.
 
     `measured` (S,) bool are the sites whose resultant wrench is asked for; with `loads` the equations of prescribed
-    coordinates are differentiated too. ValueError if an edit shifts a coordinate that is not prescribed.
+    coordinates are differentiated too. ValueError if a parameter shifts a coordinate that is not prescribed.
     """
     parent_of = np.zeros(len(tree.body_names), dtype=np.int64)
     parent_of[tree.links[:, 2]] = tree.links[:, 1]
@@ -88,8 +88,8 @@ def make_directions(
     for _, parent, child, _ in tree.links:
         carriers[child] |= carriers[parent]
     direction_of = {int(c): place for place, c in enumerate(dofs.free)}  # by coordinate, or -1 - axis of the mount
-    units: dict[tuple[int, int], float] = {}  # displacement by way and parameter
-    perturbations: list[tuple[int, int]] = []  # way and parameter
+    units: dict[tuple[int, int], float] = {}  # displacement by direction and parameter
+    perturbations: list[tuple[int, int]] = []  # direction and parameter
     for p, by_unit in enumerate(tangents):
         shifts = {-1 - axis: amount for axis, amount in enumerate(by_unit.mount) if amount}
         if by_unit.coordinate is not None:

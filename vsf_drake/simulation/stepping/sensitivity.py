@@ -84,7 +84,7 @@ def carry(
     tangent_matrix(h, tree, forces, dofs, workspace, EXACT, record.sites[k])
     linearise(h, tree, forces, dofs, directions, workspace, tangent, q0, v, record.sites[k], record.fulcrum[k])
 
-    # du of prescribed directions: 0, but for perturbations, which go straight over the step, as in `stepper.piece`.
+    # du of prescribed directions: 0, but for perturbations, which go straight over the step, as in `stepper.substep`.
     for e in range(directions.perturbation_direction.shape[0]):
         j, p = directions.perturbation_direction[e], directions.perturbation_parameter[e]
         there = directions.path[k + 1, e]
@@ -167,10 +167,11 @@ class ForwardSensitivity:
     """(n, P) derivatives of the coordinates at the start; those of the velocities are zero but for perturbations'
     rates."""
     loads: bool = False
-    """Whether derivatives of loads and state are left too; not for edits of a coordinate."""
+    """Whether derivatives of loads and state are left too; not for shifts of a coordinate."""
 
-    def prepare(self, tree: Tree, forces: Forces, dofs: FreePrescribed, steps: int) -> tuple[TangentDirections,
-                                                                                             Tangent]:
+    def prepare(
+        self, tree: Tree, forces: Forces, dofs: FreePrescribed, steps: int
+    ) -> tuple[TangentDirections, Tangent]:
         """Arrays for compiled code, at the start of a run of so many steps."""
         for by_unit in self.tangents:
             if self.loads and by_unit.coordinate is not None:

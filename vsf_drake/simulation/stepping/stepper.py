@@ -117,7 +117,7 @@ class Stepper:
         stop: Callable[[int, Record], bool] | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Record:
-        """Advances from `q0`, `v0` over the grid of `inputs`, with sensitivities to what is `carried`.
+        """Advances from `q0`, `v0` over the grid of `inputs`, with sensitivities to what `forward` holds.
 
         `stop` is called now and then with the number of finished steps and the record (true ends the run), `progress`
         with the finished fraction. SimulationError if a coordinate becomes NaN, too fast or larger than its limit.
@@ -195,7 +195,7 @@ class Stepper:
 
 
 def _drakes_dynamics(plant: MultibodyPlant, context: Context) -> Callable[[np.ndarray, np.ndarray], Any]:
-    """q, v -> M and C of `newton.step` from the plant, whose `context` they overwrite; independent of `dynamics`."""
+    """q, v -> M and C of `newton.step` from the plant, whose `context` they overwrite: Drake's own."""
     applied = MultibodyForces(plant)
 
     def dynamics(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
