@@ -239,6 +239,7 @@ class _SqpSearch:
         mended = self._mended()
         if self.scaled.violations(mended).max() <= NEAR * broken:
             return "stalled", f"{why}: {where} is broken by {broken:.2g} (scaled)"
+        # Restoring feasibility alone got no nearer either.
         self.at = mended
         broken, where = self.scaled.worst(mended)
         return "infeasible", f"no step mends what {where} is broken by {broken:.2g} (scaled)"

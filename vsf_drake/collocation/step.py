@@ -190,6 +190,7 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np
             added = normals(scaled, at, new)
             right = np.zeros((kkt.size, len(new)))
             right[:n] = added
+            # W unrefined: these may be many columns, and `_sharpened` mends what is held in the end.
             answers, slopes = np.hstack([answers, kkt.roughly(right)]), np.hstack([slopes, added])
             matrix = slopes.T @ answers[:n]
             start = np.concatenate([pressure, np.zeros(len(which) - len(pressure))])
@@ -199,6 +200,7 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np
         broken = np.setdiff1d(np.flatnonzero(np.isfinite(slacks) & (after < -BROKEN)), which)
         if not len(broken):
             break
+        # The set only grows: what need not press is given the pressure 0.
         new = broken[np.argsort(after[broken])[:AT_ONCE]]
         which = np.concatenate([which, new])
     held = pressure > 0.0

@@ -1,8 +1,8 @@
 """What a run is differentiated by, as arrays, and the workspace that this takes.
 
-A way is a direction in which bodies can be displaced: each free coordinate is one, and so are, for parameters that
+A direction is one in which bodies can be displaced: each free coordinate is one, and so are, for parameters that
 move something, a prescribed coordinate, or the foot's mount as if it were a joint without mass. All parameters that
-move the same prescribed coordinate share its way: constant shifts, and perturbations that change with time.
+move the same prescribed coordinate share its direction: constant shifts, and perturbations that change with time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed
 from vsf_drake.simulation.stepping.tree import Tree
 
-UNRELATED, ABOVE, BELOW = 0, 1, 2
+UNRELATED, INBOARD, OUTBOARD = 0, 1, 2
 
 
 class TangentDirections(NamedTuple):
@@ -30,7 +30,7 @@ class TangentDirections(NamedTuple):
     rows: np.ndarray  # (r,) coordinates whose equations are differentiated: the free ones, then prescribed ones
     relation: np.ndarray  # (r, C) whether it carries the row's coordinate (or is it), is carried by it, or neither
     unit: np.ndarray  # (C, P) displacement by a unit of each parameter at the start, 0 for free coordinates
-    perturbation_direction: np.ndarray  # (K,) which way a perturbation displaces, and which parameter it is
+    perturbation_direction: np.ndarray  # (K,) which direction a perturbation displaces, and which parameter it is
     perturbation_parameter: np.ndarray
     path: np.ndarray  # (n + 1, K) displacement by a unit of each perturbation on the grid
     path_rate: np.ndarray  # (K,) its rate at the start
@@ -50,7 +50,7 @@ class TangentDirections(NamedTuple):
 class Tangent(NamedTuple):
     """Work space and state of the sensitivities: B bodies, f free coordinates, r rows, C directions, P parameters."""
 
-    S: np.ndarray  # (C, 6) motion of a unit of each way
+    S: np.ndarray  # (C, 6) motion of a unit of each direction
     rate: np.ndarray  # (C, 6) what its parent's motion adds to the velocity of what it carries, at the step's start
     second: np.ndarray  # (C, 6) likewise to the acceleration
     end: np.ndarray  # (C, 6) likewise to the velocity at the step's end
@@ -117,8 +117,8 @@ def make_directions(
                for row in np.flatnonzero(by_unit.springs.any(axis=1))]
     return TangentDirections(
         coordinate=np.maximum(coordinate, -1), body=body, parent=parent_of[body], mount=mount, rows=rows, unit=unit,
-        relation=np.where(carriers[joints][:, body], ABOVE,
-                          np.where(carriers[body][:, joints].T, BELOW, UNRELATED)),
+        relation=np.where(carriers[joints][:, body], INBOARD,
+                          np.where(carriers[body][:, joints].T, OUTBOARD, UNRELATED)),
         perturbation_direction=np.array([direction for direction, _ in perturbations], dtype=np.int64),
         perturbation_parameter=np.array([p for _, p in perturbations], dtype=np.int64),
         path=np.ascontiguousarray(np.array([tangents[p].perturbation for _, p in perturbations],

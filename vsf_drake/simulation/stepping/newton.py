@@ -53,17 +53,16 @@ from vsf_drake.simulation.stepping.tree import (
 MAX_ITERATIONS = 30
 MAX_TRIALS = 12  # lengths of one Newton step that are tried
 OVERSHOOT = 0.5  # uphill slope after a step, relative to the downhill one before it, that is accepted
-EXACT_FROM = 4
+EXACT_FROM = 4  # iteration from which the falling branch of the friction curve is in the tangent
 EXACT, FLAT = -math.inf, 0.0  # least slope of the friction curve in a tangent: any, or none that falls
-LENGTHEN = 4.0
+LENGTHEN = 4.0  # of a step along which the slope becomes steeper
 
 
 @compiled
 def step(
     h: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, workspace: Workspace, ground: float,
-    ground_rate: float,
-    fulcrum: float, q_next: np.ndarray, M: np.ndarray, C: np.ndarray, q: np.ndarray, v: np.ndarray, load: np.ndarray,
-    sites: np.ndarray, support: np.ndarray
+    ground_rate: float, fulcrum: float, q_next: np.ndarray, M: np.ndarray, C: np.ndarray, q: np.ndarray, v: np.ndarray,
+    load: np.ndarray, sites: np.ndarray, support: np.ndarray
 ) -> tuple[int, bool]:
     """Advances q, v (n,) in place by h; returns (Newton iterations, converged).
 
@@ -139,7 +138,7 @@ def step(
             break
 
         # The next direction: from EXACT_FROM on with the friction curve as it is if that descends, dx . r < 0, else
-        # with its falling branch flat.
+        # with its falling branch flat. If neither descends (slope0 >= 0) the next step is taken whole.
         slope0 = 0.0
         for least_slope in (EXACT, FLAT):
             if least_slope == EXACT and iterations < EXACT_FROM:

@@ -35,8 +35,8 @@ from vsf_drake.simulation.stepping.assembly import (
     step_workspace,
 )
 from vsf_drake.simulation.stepping.directions import (
-    ABOVE,
-    BELOW,
+    INBOARD,
+    OUTBOARD,
     ParameterTangent,
     Tangent,
     TangentDirections,
@@ -72,13 +72,13 @@ if TYPE_CHECKING:
 
 @internal
 def carry(
-    h: float, k: int, share: float, part: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed,
+    h: float, k: int, end_share: float, share: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed,
     directions: TangentDirections, workspace: Workspace, tangent: Tangent, q0: np.ndarray, v: np.ndarray, record: Record
 ) -> None:
     """Takes `tangent` from the start to the end of the step that `newton.step` has just made, and writes to `record`.
 
-    It ends `share` of the way from instant k of the run's grid to the next, and is `part` of that way; q0 (n,) are the
-    coordinates at its start, v (n,) the velocities at its end. `record` holds what it left of sites and support.
+    It ends `end_share` of the way from instant k of the run's grid to the next, and is `share` of that way; q0 (n,) are
+    the coordinates at its start, v (n,) the velocities at its end. `record` holds what it left of sites and support.
     """
     nf, (C, P), rhs, end = dofs.free.shape[0], directions.unit.shape, tangent.rhs, tangent.v_end
     tangent_matrix(h, tree, forces, dofs, workspace, EXACT, record.sites[k])
@@ -88,8 +88,8 @@ def carry(
     for e in range(directions.perturbation_direction.shape[0]):
         j, p = directions.perturbation_direction[e], directions.perturbation_parameter[e]
         there = directions.path[k + 1, e]
-        if share < 1.0:
-            there = directions.path[k, e] + share * (there - directions.path[k, e])
+        if end_share < 1.0:
+            there = directions.path[k, e] + end_share * (there - directions.path[k, e])
         end[j, p] = (there - tangent.q[j, p]) / h
 
     # Solve A dv = h (dtau - E) - h Gq dq0 - h Gv dv0 - B du for the free directions.
@@ -124,9 +124,9 @@ def carry(
     for i in range(nf, directions.rows.shape[0]):
         load = record.load_by[k, directions.rows[i]]
         for p in range(P):
-            load[p] += part * tangent.E[i, p]
+            load[p] += share * tangent.E[i, p]
         for j in range(C):
-            by_q, by_v, by_end = part * tangent.Gq[i, j], part * tangent.Gv[i, j], part * tangent.B[i, j] / h
+            by_q, by_v, by_end = share * tangent.Gq[i, j], share * tangent.Gv[i, j], share * tangent.B[i, j] / h
             for p in range(P):
                 load[p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
 
@@ -270,9 +270,9 @@ def linearise(
 
 @internal
 def _direction_motions(directions: TangentDirections, workspace: Workspace, tangent: Tangent) -> None:
-    """Motion S of a unit of each way, rate V_p x S, second A_p x S + V_p x rate, and V_p x S at the end velocity.
+    """Motion S of a unit of each direction, rate V_p x S, second A_p x S + V_p x rate, and V_p x S at the end velocity.
 
-    V_p and A_p are those of the body relative to which the way moves. As it moves by S, the velocity V of what it
+    V_p and A_p are those of the body relative to which the direction moves. As it moves by S, the velocity V of what it
     carries changes by S x (V - V_p); for who turns along, by -S x V_p = V_p x S.
     """
     motion = workspace.motion
@@ -328,8 +328,8 @@ def _coriolis(tree: TreeArrays, dofs: FreePrescribed, motion: Motion, tangent: T
 def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace: Workspace, tangent: Tangent) -> None:
     """Inertial, gravity and contact terms of Gq, Gv and B; contact's of E.
 
-    Of the row of joint i by way j, with composites C (`_coriolis`), I, K (contact by velocity), P (by displacement) of
-    what both move, and rate, second, end of j:
+    Of the row of joint i by direction j, with composites C (`_coriolis`), I, K (contact by velocity), P (by
+    displacement) of what both move, and rate, second, end of j:
 
         Gq   S_i . (C rate + I second + K end - P S)     and, where i carries j, + S_i . (S_j x* f)
         Gv   S_i . (C S + 2 I rate) - S_i . I S / h
@@ -338,13 +338,13 @@ def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace
     motion, contact, rows = workspace.motion, workspace.contact, directions.rows
     composite, coriolis, shift, K = motion.composite, tangent.coriolis, tangent.shift, contact.K
     for j in range(directions.body.shape[0]):
-        forward = False
+        has_inboard_row = False
         for i in range(rows.shape[0]):
-            forward |= directions.relation[i, j] == BELOW
-        if not forward:
+            has_inboard_row |= directions.relation[i, j] == OUTBOARD
+        if not has_inboard_row:
             continue
-        # What a way changes in the wrench that a joint below it must give, where that joint carries it: by
-        # displacement, by velocity, by acceleration, and in contact by the end velocity.
+        # What the direction changes in the wrench that a joint inboard of it must give: by displacement, by velocity,
+        # by acceleration, and in contact by the end velocity.
         b, S, rate, end = directions.body[j], six(tangent.S, j), six(tangent.rate, j), six(tangent.end, j)
         by_q = plus(times(coriolis, b, rate), inertia_times(composite, b, six(tangent.second, j)), 1.0)
         by_q = plus(by_q, cross_force(S, six(motion.f, b)), 1.0)
@@ -355,14 +355,14 @@ def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace
             by_q = plus(by_q, times(K, b, end), 1.0)
             by_end = times(K, b, S)
         for i in range(rows.shape[0]):
-            if directions.relation[i, j] == BELOW:
+            if directions.relation[i, j] == OUTBOARD:
                 S_i = six(motion.S, rows[i])
                 mass = dot(S_i, momentum)
                 tangent.Gq[i, j] = dot(S_i, by_q)
                 tangent.Gv[i, j] = dot(S_i, by_v) - mass / h
                 tangent.B[i, j] = mass + h * dot(S_i, by_end)
 
-    # A way that carries the row's joint turns that too: its rates, accelerations, displacements and end velocities
+    # A direction inboard of the row's joint turns that too: its rates, accelerations, displacements and end velocities
     # meet there what the joint's own motion would be met by. S_i turns along by S_j x S_i, and so does f, so that
     # S_i . f stays; the ground's wrench F does not: - (S_j x S_i) . F = - (S_i x* F) . S_j.
     for i in range(rows.shape[0]):
@@ -374,7 +374,7 @@ def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace
             by_shift = plus(transposed_times(shift, b, S), cross_force(S, six(contact.F, b)), 1.0)
             by_end = transposed_times(K, b, S)
         for j in range(directions.body.shape[0]):
-            if directions.relation[i, j] == ABOVE:
+            if directions.relation[i, j] == INBOARD:
                 S_j, rate = six(tangent.S, j), six(tangent.rate, j)
                 mass = dot(by_second, S_j)
                 tangent.Gq[i, j] = (dot(by_rate, rate) + dot(by_second, six(tangent.second, j))
@@ -484,12 +484,14 @@ def _site(
     x, y, top = contact.center[s, 0], contact.center[s, 1], contact.center[s, 2]
     z = top - radius
     vz = V[b, 5] + wx * y - wy * x
+    # mu / V from the recorded friction; 0 without slip, where every term has the factor v.
     ratio = -fx / (fn * vx) if abs(vx) > abs(vy) else (-fy / (fn * vy) if vy != 0.0 else 0.0)
     by_depth = contact.elastic[s]
     K = site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
 
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
     ox, oy = V[b, 3] + wy * top - wz * y, V[b, 4] + wz * x - wx * top
+    # z1 is from the ground, about which the measured moment is taken.
     x1, y1, z1 = sites[s, 7], sites[s, 8], -sites[s, 0]
     measured = directions.measured[s]
     for i in range(6):
@@ -530,7 +532,7 @@ def _site(
             gx, gy, gz = change * vx, change * vy, 0.0
         else:
             gz = unit * _normal_change(forces.sites, s, column, sites[s, 0], sites[s, 4])
-            gx, gy = -ratio * vx * gz, -ratio * vy * gz
+            gx, gy = -ratio * vx * gz, -ratio * vy * gz  # friction is in proportion to the normal force
         add(tangent.dF[b], p, moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
         if measured:
             add(tangent.dT, p, moved_wrench(
@@ -590,4 +592,4 @@ def _friction_change(site: np.ndarray, s: int, column: int, speed: float) -> flo
         return (1.0 - share) / speed
     if column == MU_KINETIC:
         return share / speed
-    return 2.0 * (mu_static - mu_kinetic) / (threshold * threshold)
+    return 2.0 * (mu_static - mu_kinetic) / (threshold * threshold)  # d mu / d threshold, over the speed
