@@ -45,8 +45,8 @@ def main() -> None:
     offsets = trial.offsets if other is None else fit_offsets(load_trial(other)).offsets
     positions_m = 1e-3 * np.round(np.linspace(FIRST_MM, LAST_MM, 6 if arguments.quick else 21), 3)
     outcomes = simulate_batch([WalkCase(trial=trial, fulcrum_m=float(f), offsets=offsets) for f in positions_m],
-                             workers=1 if arguments.quick and arguments.workers is None else arguments.workers,
-                             cache=arguments.out / "walks", progress=True)
+                              workers=1 if arguments.quick and arguments.workers is None else arguments.workers,
+                              cache=arguments.out / "walks", progress=True)
     rows: list[dict[str, Any]] = []
     compared = []
     for position, outcome in zip(positions_m, outcomes, strict=True):

@@ -291,7 +291,8 @@ def _typed(hint: Any, value: Any, where: str) -> Any:  # noqa: PLR0911 (one retu
     elif isinstance(kind, type) and dataclasses.is_dataclass(kind):
         return record(kind, value, where=where)
     elif isinstance(kind, type) and issubclass(kind, Mapping) and isinstance(value, Mapping):
-        return {name: _typed(parts[1] if parts else Any, item, f"{where}.{name}") for name, item in value.items()}
+        inner = parts[1] if parts else Any
+        return {name: _typed(inner, item, f"{where}{'.' * bool(where)}{name}") for name, item in value.items()}
     elif kind in (list, tuple, Sequence) and isinstance(value, (list, tuple)):
         hints = parts if kind is tuple and parts[-1] is not Ellipsis else (parts[0] if parts else Any,) * len(value)
         if len(hints) == len(value):

@@ -113,7 +113,7 @@ def _arrow(axes: Any, force: np.ndarray, cop: np.ndarray, scale: float, colour: 
 
 
 def _draw_paths(panels: Any, runs: dict[str, ReferenceWalk], colours: dict[str, Any], trial: Trial,
-                  body_weight_n: float) -> None:
+                body_weight_n: float) -> None:
     time = next(iter(runs.values())).time_s
     own = trial.subject.prosthetic_side
     other = "left" if own == "right" else "right"

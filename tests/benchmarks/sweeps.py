@@ -58,7 +58,7 @@ def memory(trial: Trial, runs: int = RUNS) -> Row:
     sizes, started = [], time.perf_counter()
     for first in range(0, runs, BATCH):
         simulate_batch([WalkCase(trial=part, fulcrum_m=0.066 + 0.085 * i / runs) for i in range(first, first + BATCH)],
-                      workers=1)
+                       workers=1)
         sizes.append(resident_mb())
     return Row(f"{runs} walks, memory of the process", runs * SHORT_S, time.perf_counter() - started,
                f"{sizes[0]:.0f} MB after {BATCH}, {sizes[-1]:.0f} MB after all: {sizes[-1] / sizes[0] - 1:+.1%}")

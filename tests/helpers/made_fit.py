@@ -47,7 +47,7 @@ def made_trial(label: str = "soft", role: str = "fitted", fulcrum_mm: float = 66
         "label": label, "role": role, "metrics": METRICS, "curves": made_curves(), "floor_grf_rmse_bw": 0.01,
         "sweep": replace(swept(POSITIONS, errors, true_m=1e-3 * fulcrum_mm), best_mm=fulcrum_mm, right=True)} | changes)
     return FitTrialRow(label=label, name=f"trial {label}", file=f"{label}.yaml", role=role, synthetic=synthetic,
-                    fulcrum_mm=fulcrum_mm, window_s=(0.0, 1.2), notes=(), score=score if judged else None)
+                       fulcrum_mm=fulcrum_mm, window_s=(0.0, 1.2), notes=(), score=score if judged else None)
 
 
 def made_parameter(name: str, value: float = 0.5, **changes: Any) -> ParameterRow:
@@ -63,7 +63,7 @@ def made_search(
     start_cost: float = 900.0, cost: float = 20.0, success: bool = True, message: str = "ftol"
 ) -> FitSearch:
     return FitSearch(start=np.zeros(5), u=np.zeros(5), start_cost=start_cost, cost=cost, success=success,
-                  message=message, evaluations=12, failed=0)
+                     message=message, evaluations=12, failed=0)
 
 
 PARAMETERS = (

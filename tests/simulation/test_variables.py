@@ -232,7 +232,7 @@ def test_start_has_the_rate_of_the_shape(person, motion):
     """On the ground, where all else is at rest: of a sine to 1e-11, of what begins flat none at all."""
     span = {"start_s": START_S, "end_s": START_S + 0.01}
     perturbations = [MotionPerturbation("steep", "pelvis_tx", lambda t: np.sin(9.0 * t)),
-               MotionPerturbation("flat", "knee_angle_r", lambda t: (t - START_S) ** 3)]
+                     MotionPerturbation("flat", "knee_angle_r", lambda t: (t - START_S) ** 3)]
     walk = walked(person, motion, perturbations=perturbations, values={"perturbation.steep": 0.01,
                                                                        "perturbation.flat": 0.02}, **span)
     change = walk.record.v0 - walked(person, motion, **span).record.v0

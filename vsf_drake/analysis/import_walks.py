@@ -112,7 +112,7 @@ def import_walks(files: FileSet, options: ImportOptions, *, progress: Callable[[
     read = dict.fromkeys((files.standing, files.standing_forces, *files.walks, *files.forces))
     return ImportedWalks(tuple(items), tuple(names), {str(path): str(error) for path, error in failures.items()},
                          scaled,
-                  {str(path): sha256(path) for path in read if path is not None and path.is_file()})
+                         {str(path): sha256(path) for path in read if path is not None and path.is_file()})
 
 
 def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:

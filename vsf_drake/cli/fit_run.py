@@ -87,8 +87,8 @@ def make_task(
     problem = ContactFit(trials, bench=bench, options=options, walker=walker,
                          parameters=with_frozen(parameters, free, freeze))
     return FitTask(problem=problem, quick=quick, held_out=held_out,
-                inputs={} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
-                options={**asked, "quick": quick, "bench": None if bench_file is None else bench_file.name})
+                   inputs={} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
+                   options={**asked, "quick": quick, "bench": None if bench_file is None else bench_file.name})
 
 
 class Checkpoint:

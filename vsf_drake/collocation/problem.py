@@ -244,7 +244,7 @@ class Design:
 
 class TrajectoryProblem:
     """What is to be minimised over a trajectory, see the module's text; InputError where something has another shape,
-    names an output that is none, or leave no room.
+    names an output that is none, or leaves no room.
 
     Args:
         outputs: m, how many outputs the function has. equations: indices of those that are 0 at every instant.

@@ -171,8 +171,8 @@ def normals(scaled: Scaled, at: Linearised, which: np.ndarray) -> np.ndarray:
 
 
 def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np.ndarray) -> Step:
-    """The step at the linearisation of `kkt`: equations (N, E) are what it is to bring to 0, slacks the slacks, there
-    or after a first step, and `likely` the inequalities (indices) to begin with."""
+    """The step at the linearisation of `kkt`: equations (N, E) are what it is to bring to 0, `slacks` those of the
+    inequalities, there or after a first step, and `likely` the inequalities (indices) to begin with."""
     scaled, at, n = kkt.scaled, kkt.at, kkt.variables
 
     # d0, which no inequality holds, and the slacks that it would leave.
@@ -180,8 +180,9 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np
     base = kkt.solve(aim)
     still = slack_changes(scaled, at, base[:n])
 
-    # Inequalities join until none is broken. Those of the set have slacks slacks + B'd0 + B'W l, so that l solves
-    #     minimise  1/2 l' (B'W) l + (slacks + B'd0)' l      subject to  0 <= l <= MOST_PRESSURE
+    # Inequalities join until none is broken. Those of the set have slacks s + B'd0 + B'W l, s the given ones, so that l
+    # solves
+    #     minimise  1/2 l' (B'W) l + (s + B'd0)' l      subject to  0 <= l <= MOST_PRESSURE
     which, pressure = likely[np.isfinite(slacks[likely])], np.zeros(0)
     answers, slopes, unknowns = np.zeros((kkt.size, 0)), np.zeros((n, 0)), base  # W, B, d0 + W l
     new, after = which, slacks + still

@@ -265,7 +265,7 @@ def _attribute(load: _Load, floor: _FeetOnFloor, stated: str | None) -> list[_Lo
         if stated is not None and (len(turns) > 1 or stated != turns[0][2] or distance > FAR_M):
             other = next(s for s in SIDES if s != stated) if len(turns) > 1 else turns[0][2]
             [warning] = say("feet", "contradicted", stated=stated, distance_m=distance, other=other,
-                          nearer_m=float(np.median(apart[other][0])))
+                            nearer_m=float(np.median(apart[other][0])))
             return [replace(load, warning=warning, side=stated, distance_m=distance, contradicted=True)]
         return [_judged(load, side, nearer, apart[side][1])]
     distances = [float(np.median(apart[side][0][first:last + 1])) for first, last, side in turns]

@@ -147,17 +147,17 @@ MINIMUM_LOAD_N = 200.0
 BACKWARD_M_PER_S = -0.3
 
 
-def trial_window(path: Path, requested: Window | None, trajectory: CoordinateTrajectory, plates: dict[str,
-                                                                                                      PlateRecording],
-                 subject: Subject, unmeasured: Mapping[str, Sequence[Span]] | None = None) -> tuple[Span, list[str]]:
+def trial_window(
+    path: Path, requested: Window | None, trajectory: CoordinateTrajectory, plates: dict[str, PlateRecording],
+    subject: Subject, unmeasured: Mapping[str, Sequence[Span]] | None = None
+) -> tuple[Span, list[str]]:
     """The window of a trial (s), and notes on it and on the stances in it; `path` is the manifest, for messages.
 
     `unmeasured` is when, by side, a foot stands on ground that no plate measures: a model's force there would be
     compared with zero. Without a requested window, the stretch between those of the prosthetic foot that holds most of
-    its stances
-    is taken; a requested one is kept. Refused where window, kinematics and forces do not overlap, or the prosthetic
-    foot has
-    hardly any load or less than 0.15 s of a stance, or the window is shorter than the shortest complete stance.
+    its stances is taken; a requested one is kept. Refused where window, kinematics and forces do not overlap, or the
+    prosthetic foot has hardly any load or less than 0.15 s of a stance, or the window is shorter than the shortest
+    complete stance.
     """
     side = subject.prosthetic_side
     plate, stances = plates[side], {s: find_stances(one.time_s, one.force_W[:, 2]) for s, one in plates.items()}
@@ -183,7 +183,7 @@ def trial_window(path: Path, requested: Window | None, trajectory: CoordinateTra
 def _choose_window(requested: Window | None, kinematics: Span, forces: Span, file: Path, unmeasured: Sequence[Span],
                    stances: Sequence[Stance]) -> tuple[Span, list[str]]:
     span = (kinematics[0] if requested is None or requested.start_s is None else requested.start_s,
-              kinematics[1] if requested is None or requested.end_s is None else requested.end_s)
+            kinematics[1] if requested is None or requested.end_s is None else requested.end_s)
     part = common(span, kinematics)
     if part is None:
         raise InputError(f"the window of {words(span)} and the kinematics of {words(kinematics)} do not overlap",

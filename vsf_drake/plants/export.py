@@ -14,6 +14,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
+from vsf_drake.errors import InputError
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import add_contact_geometry
@@ -158,7 +159,9 @@ def _properties(properties: GeometryProperties | None) -> Any:
 def pad_of(inspector: SceneGraphInspector, shape: GeometryId) -> Pad:
     """What `inspector` knows of a collision sphere."""
     properties, sphere = _properties(inspector.GetProximityProperties(shape)), inspector.GetShape(shape)
-    assert isinstance(sphere, Sphere)
+    if not isinstance(sphere, Sphere):
+        raise InputError(f"is a {type(sphere).__name__}, but must be a sphere", where=inspector.GetName(shape),
+                         right="Export the foot again")
     return Pad(
         name=inspector.GetName(shape).split("::")[-1], p_BS=inspector.GetPoseInFrame(shape).translation(),
         radius=sphere.radius(),

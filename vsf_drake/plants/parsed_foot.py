@@ -1,4 +1,4 @@
-"""A foot that Drake's Parser has read, as handles for `wire_foot`: actual by its names and held against its parameters.
+"""A foot that Drake's Parser has read, as handles for `wire_foot`: found by its names and held against its parameters.
 
 The file carries masses, frames, joints, the keel's springs and dampers, and the contact spheres; the parameters carry
 the rest (friction, foam, support). Both must be of one foot, so all that the file does carry is compared with what
@@ -26,7 +26,7 @@ from pydrake.multibody.tree import (
     RigidBody,
 )
 
-from vsf_drake.errors import require
+from vsf_drake.errors import InputError, require
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.contact_geometry import own_geometry
 from vsf_drake.plants.export import NAME, Pad, pad_of, rigid_foot
@@ -75,7 +75,8 @@ def find_foot(
     mount_name = reference.mount.name()
     _require(plant.HasFrameNamed(mount_name, instance), f"has no frame {mount_name}", name, _NO_FOOT)
     mount = plant.GetFrameByName(mount_name, instance)
-    assert isinstance(mount, FixedOffsetFrame)
+    if not isinstance(mount, FixedOffsetFrame):
+        raise InputError(f"{mount_name} is a body, but must be a frame on one", where=name, right=_NO_FOOT)
     _require_pose(mount.GetFixedPoseInBodyFrame(), reference.mount.GetFixedPoseInBodyFrame(), f"{name}: {mount_name}")
     elements = [plant.get_force_element(ForceElementIndex(i)) for i in range(plant.num_force_elements())]
     _require(not any(isinstance(force, LinearBushingRollPitchYaw) and force.link1().model_instance() == instance

@@ -139,7 +139,7 @@ def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside) -> list[tuple[str
 
 def _parameter(row: ParameterRow, table: FitTable) -> tuple[str, ...]:
     warnings = [*(["at a bound"] if row.at_bound else []),
-              *(["not identified"] if table.uncertainty and row.name in table.uncertainty.unidentified else [])]
+                *(["not identified"] if table.uncertainty and row.name in table.uncertainty.unidentified else [])]
     return (row.name, shown_value(row, row.value), shown_interval(row), shown_unit(row),
             number(row.share_of_prior, "{:.0f}", 100.0), shown_value(row, row.spread_over_starts), ", ".join(warnings))
 

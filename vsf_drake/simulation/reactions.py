@@ -124,7 +124,7 @@ def socket_wrench(mechanism: Mechanism, record: Record) -> np.ndarray:
 def load_sensitivity(
     mechanism: Mechanism, record: Record, names: tuple[str, ...], tangents: Sequence[ParameterTangent]
 ) -> LoadSensitivity:
-    """Of a record whose run carried `edits` with loads."""
+    """Of a record whose run carried `tangents` with loads."""
     index, (q, v, constants) = mechanism.spring_index[SOCKET], _socket(mechanism, record)
     k = np.where(q >= 0.0, constants["stiffness"], constants["stiffness_negative"])
     stop = constants["stop_ratio"]

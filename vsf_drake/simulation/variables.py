@@ -8,17 +8,15 @@
     socket.AXIS.stiffness       of a bushing axis; both signs, in their ratio
     offset.height | fore_aft | alignment    as in a manifest, added to the walk's own offsets
     coordinate.NAME             constant added to a prescribed coordinate
-    perturbation.NAME                 the same times a function of time, of a walk that is given one
-    (`MotionPerturbation`)
+    perturbation.NAME           the same times a function of time (`MotionPerturbation`), of a walk that is given one
 
 A value enters every array in proportion, so that one set of arrays, the `ParameterTangent`, tells both how to change a
 mechanism and how its forces depend on the variable.
 
 A walk with perturbations follows q(t) = trajectory + coordinate shifts + sum of value * shape(t). Between the instants
-of its
-steps it knows nothing of a shape: there the coordinate goes straight, as it does along the recording. The velocity
-before the first step has the rate of the shape at the start, the derivative of the quartic through five instants a
-tenth of a millisecond apart from there on: nothing is asked outside of the walk's time.
+of its steps it knows nothing of a shape: there the coordinate goes straight, as it does along the recording. The
+velocity before the first step has the rate of the shape at the start, the derivative of the quartic through five
+instants a tenth of a millisecond apart from there on: nothing is asked outside of the walk's time.
 """
 
 from __future__ import annotations

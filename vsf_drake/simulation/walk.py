@@ -109,8 +109,8 @@ class Walker:
                 "perturbation.NAME".
             values: of `variables` and perturbations, for this walk only; what is not named stays as the Context has it.
             with_respect_to: names of `variables` and perturbations by which the prosthetic foot's reaction is
-                differentiated,
-                exactly if the start is at rest. One costs as much as a walk, each further one a few percent of that.
+                differentiated, exactly if the start is at rest. One costs as much as a walk, each further one a few
+                percent of that.
             with_loads: whether the loads of joints and socket and the state are differentiated too, as the walk's
                 `load_sensitivity`; not by `coordinate` and `perturbation` variables.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others

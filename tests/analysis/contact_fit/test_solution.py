@@ -26,7 +26,7 @@ def ended(fit, u, **changes):
     """A solution at u, as if a search had come there."""
     at = fit.evaluate(u)
     search = FitSearch(start=u, u=u, start_cost=at.cost, cost=at.cost, success=True, message="done", evaluations=1,
-                    failed=0)
+                       failed=0)
     end = JointEnd(u=u, evaluation=at, searches=(search,), best=0,
                    uncertainty=uncertainty(fit.parameters, u, at.terms, fit.options.noise))
     return replace(ContactFitSolution(fit=fit, success=True, message="done", end=end, wall_s=1.0), **changes)
@@ -126,7 +126,7 @@ def test_a_converged_search_is_preferred_to_a_lower_one_that_is_not(few_free, mo
     fit = few_free("offset.height")
     good, low = np.zeros(1), np.array([-0.2])
     searches = tuple(FitSearch(start=u, u=u, start_cost=1.0, cost=cost, success=success, message="as it ended",
-                            evaluations=1, failed=0) for u, cost, success in ((low, 1.0, False), (good, 2.0, True)))
+                               evaluations=1, failed=0) for u, cost, success in ((low, 1.0, False), (good, 2.0, True)))
     monkeypatch.setattr(module, "run_searches", lambda *_, **__: searches)
     found = solve(fit)
     assert found.end.best == 1 and found.success

@@ -35,7 +35,7 @@ def prior(count, rows=None):
     rows = range(count) if rows is None else rows
     return ResidualTerm(name="prior", trial="prior", times_s=None, residual=np.zeros(len(rows)),
                         by=np.eye(count)[list(rows)],
-                weight=1.0)
+                        weight=1.0)
 
 
 def constant(size, times=TIMES):

@@ -225,8 +225,8 @@ def test_free_coordinates_respond_too(motion, free, settles):
     """
     subject = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
     person = Perturbed(Walker(subject, ModelParameters(), free=free),
-                     tuple(MotionPerturbation(name, name, wave) for name in ("hip_flexion_l", "pelvis_tx",
-                                                                             "knee_angle_r")))
+                       tuple(MotionPerturbation(name, name, wave) for name in ("hip_flexion_l", "pelvis_tx",
+                                                                               "knee_angle_r")))
     start = dict(zip(motion("right").names, motion("right").sample(MID_STANCE_S)[0][0], strict=True))
     options = {"fulcrum_m": 0.108, "start_s": MID_STANCE_S, "end_s": 0.55, "step_s": 1e-3,
                "initial": {name: float(start[name]) for name in settles}}
@@ -259,7 +259,7 @@ def test_sensitivities_to_courses_that_add_up_to_one_add_up_to_that_of_a_shift(w
     """Cubic B-splines over the walk, and the other sensitivities are the same beside them."""
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, 6), np.ones(3)])
     person = Perturbed(walker("right"), tuple(MotionPerturbation(str(i), "hip_flexion_r", BSpline(knots, unit, 3))
-                                            for i, unit in enumerate(np.eye(8))))
+                                              for i, unit in enumerate(np.eye(8))))
     options = {"fulcrum_m": 0.108, "start_s": start_s, "end_s": END_S, "step_s": 2e-3}
     names = [*family(person, "perturbation"), "coordinate.hip_flexion_r"]
     by = person.walk(motion("right"), with_respect_to=names, **options).sensitivity
@@ -275,7 +275,7 @@ def test_course_on_another_grid_than_the_run_is_refused(walker):
     mechanism = gait_mechanism(person.gait, person.context)
     tangents = tuple(v.by_unit for v in perturbation_variables([MotionPerturbation("a", "pelvis_ty", wave)],
                                                                person.gait.prescribed,
-                                                   GRID).values())
+                                                               GRID).values())
     forward = ForwardSensitivity(tangents=tangents, measured=np.zeros(len(mechanism.sites), dtype=bool),
                                  q0=np.zeros((1, 1)))
     with pytest.raises(ValueError, match="3 instants, the run 11"):

@@ -179,7 +179,7 @@ class ContactFit:
         prior = [p for p, item in enumerate(self.parameters.free) if item.prior]
         terms += [*self._bench_terms(u, derivatives),
                   ResidualTerm(name=PRIOR, trial=PRIOR, times_s=None, residual=u[prior],
-                       by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0)))]
+                               by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0)))]
         evaluation = FitEvaluation(
             residual=np.concatenate([term.weight * term.residual for term in terms]),
             jacobian=np.vstack([term.weight * term.by for term in terms]), terms=tuple(terms))
@@ -217,7 +217,7 @@ class ContactFit:
                 model, by = press(at.values, names)
                 measured = np.array([*forefoot, *([] if heel is None else [heel])])
                 terms.append(ResidualTerm(name=name, trial=BENCH, times_s=None, residual=(model - measured) / sd,
-                                  by=(by @ at.by if derivatives else np.zeros((len(model), 0))) / sd))
+                                          by=(by @ at.by if derivatives else np.zeros((len(model), 0))) / sd))
         return terms
 
     def program(self, evaluate: Callable[..., FitEvaluation] | None = None) -> MathematicalProgram:
@@ -294,7 +294,7 @@ class TrialTerms:
         sd = getattr(noise, name)
         spacing = float(np.median(np.diff(times))) if len(times) > 1 else 2.0 * noise.correlation_s
         return ResidualTerm(name=name, trial=self.label, times_s=times, residual=error / sd, by=by / sd,
-                    weight=noise.weight(spacing))
+                            weight=noise.weight(spacing))
 
 
 def bench_of(foot: FootParameters, bench: BenchMeasurement) -> BenchStiffness:

@@ -107,8 +107,8 @@ def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], 
     first = tried.at(start)
     if first is None or not np.isfinite(first.cost):
         return FitSearch(start=start, u=start, start_cost=np.inf, cost=np.inf, success=False,
-                      message=f"the walk fails where the search starts: {tried.failure}", evaluations=tried.count,
-                      failed=tried.failed)
+                         message=f"the walk fails where the search starts: {tried.failure}", evaluations=tried.count,
+                         failed=tried.failed)
     start_cost = tried.best_cost
     method = _gauss_newton if fit.joint.solver == "gauss_newton" else _drake
     success, message = method(fit, tried, start)
@@ -122,7 +122,7 @@ def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], 
     elif not success and left <= ENOUGH:
         success, message = True, f"no step would lower the cost by more than {ENOUGH:g} any more; {message}"
     return FitSearch(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
-                  message=message, evaluations=tried.count, failed=tried.failed)
+                     message=message, evaluations=tried.count, failed=tried.failed)
 
 
 def _left_to_gain(fit: ContactFit, u: np.ndarray) -> float:

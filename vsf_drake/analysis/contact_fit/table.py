@@ -234,7 +234,7 @@ def curve_rows(values: Mapping[str, float]) -> tuple[SmoothErrorRow, ...]:
         curve = np.degrees(periodic_bsplines(len(c))(_PHASES) @ np.array(c))
         i = int(np.argmax(np.abs(curve)))
         rows.append(SmoothErrorRow(coordinate=coordinate, largest_deg=float(curve[i]),
-                             at_percent_of_cycle=float(100.0 * _PHASES[i])))
+                                   at_percent_of_cycle=float(100.0 * _PHASES[i])))
     return tuple(rows)
 
 

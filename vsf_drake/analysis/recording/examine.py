@@ -205,7 +205,7 @@ def _markers(trial: Trial, cutoff_hz: float | None) -> list[Check | None]:
             motion_checks.spread("joint_gaps", tracked.joint_gap_m), motion_checks.gaps_filled(tracked.gaps),
             motion_checks.filtered_before(raw, recording.marker_rate_hz or 0.0, cutoff_hz=cutoff_hz),
             *(checked("plate_and_foot", "plate and foot", "doubtful", c.start_s, "s", side=c.side, plate=c.plate,
-                   start_s=c.start_s, end_s=c.end_s, warning=c.warning) for c in trial.contacts if c.warning),
+                      start_s=c.start_s, end_s=c.end_s, warning=c.warning) for c in trial.contacts if c.warning),
             Check("left and right", "doubtful", None, "", NOTE) if NOTE in recording.notes else None,
             *motion_checks.leg_lengths(calibration.lengths_m)]
 

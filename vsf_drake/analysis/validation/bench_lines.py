@@ -184,7 +184,7 @@ def settings_of(bench: BenchCurves | None, fulcrums_m: Sequence[float]) -> list[
         passes = measured.get(position, [])
         largest = min([MOST_LOAD_N, *(float(load[-1]) for _, load in passes)]) if passes else LOAD_N
         settings.append(SettingLines(fulcrum_m=position, load_n=largest,
-                                passes=tuple(up_to(*one, largest) for one in passes)))
+                                     passes=tuple(up_to(*one, largest) for one in passes)))
     return settings
 
 

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 EXACT = "walking_exact"
 """The walking section of a second study: the same walks without errors of measurement."""
+
+
 class Part(NamedTuple):
     """A section: what computes it, the record that it then holds, and about how long that takes (s)."""
 
@@ -307,24 +309,24 @@ class _InputLine(NamedTuple):
 _REMAINDER, _HELD_OUT = "energy/ledger_remainder_share_max", "walking/held_out/"
 _LINES = (
     _InputLine("Bench: R² of stiffness over fulcrum positions", "bench/stiffness_r2", "", "{:.4f}", paper="0.98",
-          least=0.98),
+               least=0.98),
     _InputLine("Bench: RMSE of stiffness", "bench/stiffness_rmse_n_per_mm", "N/mm", paper="1.37", most=1.37),
     _InputLine("Bench: RMSE of mid-range displacement", "bench/mid_range_rmse_mm", "mm", paper="0.45", most=0.45),
     _InputLine("Standing: mass predicted less mass known, largest", "standing/worst_mass_error", "%", scale=100.0,
-          paper="-2.6"),
+               paper="-2.6"),
     _InputLine("Fitted walks: resultant GRF, RMSE, mean", "walking/fitted/grf_rmse_bw", "% BW", scale=100.0,
                paper="5.3",
-          most=0.053),
+               most=0.053),
     _InputLine("Held-out walks: resultant GRF, RMSE, mean", f"{_HELD_OUT}grf_rmse_bw", "% BW", scale=100.0,
-          paper="10 to 14", most=0.10),
+               paper="10 to 14", most=0.10),
     _InputLine("Held-out walks: resultant GRF, RMSE, worst", f"{_HELD_OUT}grf_rmse_bw_worst", "% BW", scale=100.0,
-          paper="14", most=0.14),
+               paper="14", most=0.14),
     _InputLine("Held-out walks: null model (a stretched measured curve), mean", f"{_HELD_OUT}null_model_grf_rmse_bw",
-          "% BW", scale=100.0),
+               "% BW", scale=100.0),
     _InputLine("Held-out walks: CoP, RMSE, mean", f"{_HELD_OUT}cop_rmse_fl", "% foot length", scale=100.0,
-          paper="5.7 to 9.5", most=0.095),
+               paper="5.7 to 9.5", most=0.095),
     _InputLine("Held-out walks: impulse, RMSE, mean", f"{_HELD_OUT}impulse_rmse_bws", "BW s", "{:.4f}",
-          paper="0.01 to 0.05", most=0.05),
+               paper="0.01 to 0.05", most=0.05),
     _InputLine("Joint angles: tracking, RMSE", "walking/angle_rmse_deg", "°", "{:.1e}", paper="1.9", most=0.01),
     _InputLine("Joint angles: phase lag, largest", "walking/angle_lag_ms", "ms", "{:.1e}"),
     _InputLine("Stance time: correlation over trials", "walking/stance_r", "", "{:.3f}"),

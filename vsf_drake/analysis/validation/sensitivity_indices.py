@@ -77,7 +77,7 @@ def morris_design(names: Sequence[str], trajectories: int, seed: int) -> Samplin
 
     problem = _problem(names)
     return SamplingDesign(morris.sample(problem, trajectories, num_levels=LEVELS, seed=_seed(seed)), len(names) + 1,
-                  tuple(names), problem)
+                          tuple(names), problem)
 
 
 def sobol_design(
@@ -90,7 +90,7 @@ def sobol_design(
     problem, labels = _problem(names, groups), tuple(dict.fromkeys(groups or names))
     return SamplingDesign(sobol.sample(problem, samples, calc_second_order=False, seed=_seed(seed)), len(labels) + 2,
                           labels,
-                  problem)
+                          problem)
 
 
 def morris_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Effect, ...] | None:

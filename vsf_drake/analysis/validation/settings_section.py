@@ -499,7 +499,7 @@ def curve_rows(positions_mm: np.ndarray, walked: Sequence[SettingWalk]) -> list[
                           f"share_{design}": float(beyond.mean()) if known.any() else None}
             rows.append(CurveDifferenceRow(curve=name, unit=unit, from_mm=float(positions_mm[i]),
                                            to_mm=float(positions_mm[j]),
-                                 rms_difference=finite(rms(difference)), noise=noise))
+                                           rms_difference=finite(rms(difference)), noise=noise))
     return rows
 
 

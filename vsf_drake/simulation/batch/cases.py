@@ -126,7 +126,7 @@ class Planner:
         key = _finite_digest("offsets", {"person": person, "motion": motion, **plain, "offsets": to_plain(offsets),
                                          "keep": sorted(self.keep), "software": made_by}, arrays)
         return WorkerTask(key=key, person=person, motion=motion, options=options | {"offsets": offsets}, keep=self.keep,
-                    software=made_by)
+                          software=made_by)
 
     def _key(self, identity: tuple[object, ...], part: Any, key_of: Callable[[Any], str]) -> str:
         if identity not in self._keys:

@@ -261,7 +261,7 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Fre
     place_of[free] = np.arange(len(free))
     moves = np.asarray(tree.ancestors[:, free].any(axis=1))
     return FreePrescribed(prescribed=np.asarray(prescribed, dtype=np.int64), free=free, above=above, counts=counts,
-                 place=place_of, body_moves=moves, site_moves=moves[forces.site_bodies],
+                          place=place_of, body_moves=moves, site_moves=moves[forces.site_bodies],
                  moving=np.flatnonzero(moves[tree.links[:, 2]]), still=np.flatnonzero(~moves[tree.links[:, 2]]))
 
 

@@ -167,7 +167,7 @@ class Stepper:
                       fulcrum=np.zeros(2), ground=np.zeros(2))
         forward = ForwardSensitivity(tangents=(ParameterTangent(),), measured=np.ones(len(self.mechanism.sites),
                                                                                       dtype=bool),
-                          q0=np.zeros((n, 1))) if sensitivities else None
+                                     q0=np.zeros((n, 1))) if sensitivities else None
         self.run(held, np.zeros(n), np.zeros(n), forward=forward)
         return time.perf_counter() - started
 

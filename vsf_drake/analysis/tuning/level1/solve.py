@@ -112,7 +112,7 @@ def search(
     run.begin(step_s)
     if run.at(start) is None:
         return TuningSearch(solver, step_s, start, x=start, cost=np.inf, success=False, iterations=run.count,
-                      message=f"the walk fails where the search starts: {run.failure}", optimality=np.inf)
+                            message=f"the walk fails where the search starts: {run.failure}", optimality=np.inf)
     iterations, tolerance = tuning.options.iterations, tuning.options.tolerance
     kinds: dict[str, tuple[Any, dict[str, Any]]] = {
         "snopt": (SnoptSolver, {"Major iterations limit": iterations, "Major optimality tolerance": tolerance,
@@ -130,7 +130,7 @@ def search(
         success, message = True, f"{message}, but no neighbour is better"
     best = run.here
     return TuningSearch(solver, step_s, start, x=best.x, cost=best.cost, success=success, message=message,
-                  iterations=run.count, optimality=_slope(tuning, tuning.evaluate(best.x, step_s=step_s)))
+                        iterations=run.count, optimality=_slope(tuning, tuning.evaluate(best.x, step_s=step_s)))
 
 
 def _slope(tuning: StiffnessTuning, at: TuningEvaluation) -> float:

@@ -145,7 +145,7 @@ class Resimulation:
         """As one of the checks that a tuning leaves."""
         return TuningCheck(f"resimulation_{self.kind}", self.label, None if self.fell else self.percent_bw,
                            "% body weight",
-                     f"{TARGET_PERCENT_BW[self.kind]:g}", self.met, " ".join(self.sentences()))
+                           f"{TARGET_PERCENT_BW[self.kind]:g}", self.met, " ".join(self.sentences()))
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What a figure of the solution shows of it, on the solution's instants: the ground reaction at 40 Hz."""
