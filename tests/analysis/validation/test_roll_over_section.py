@@ -126,7 +126,9 @@ def test_peaks_and_valley_have_the_published_instants_forces_and_tilts(span, sig
     at = time[np.argmax(sign * force_share(time))]
     assert at == pytest.approx(at_s, abs=2e-3 if sign < 0 else 1e-3)
     assert force_share(np.array([at]))[0] == pytest.approx(share, abs=1e-3)
-    assert np.degrees(tilt_rad(np.array([at_s])))[0] == pytest.approx(tilt_deg, abs=0.15)
+    # the valley is flat: its tilt is that at the published instant
+    tilt = np.degrees(tilt_rad(np.array([at_s if sign < 0 else at])))[0]
+    assert tilt == pytest.approx(tilt_deg, abs=0.15 if sign < 0 else 0.1)
 
 
 def test_force_starts_and_ends_at_nothing_and_tilt_runs_from_minus_20_to_plus_40_degrees():
