@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -65,3 +66,10 @@ def quick_validation(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert exit_code("validate", "--quick", "--workers", "1", "--out", folder) == 0
 
     return once(tmp_path_factory, "quick_validation", make)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def freed_on_this_thread() -> Iterator[None]:
+    """Frees what a file's tests left: a Meshcat of Drake's that is freed on another thread ends the whole process."""
+    yield
+    gc.collect()
