@@ -70,6 +70,9 @@ def quick_validation(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True, scope="module")
 def freed_on_this_thread() -> Iterator[None]:
-    """Frees what a file's tests left: a Meshcat of Drake's that is freed on another thread ends the whole process."""
-    yield
+    """What earlier files left is freed here or not at all while a file's tests run: some objects of Drake's, a Meshcat
+    for one, end the process if the collector frees them on a thread that did not make them."""
     gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
