@@ -24,10 +24,9 @@ from scipy.optimize import least_squares
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import Recording
-from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, orientations_of
 from vsf_drake.motion.markers.segments import PARENTS, Calibration, RigidPoses, SegmentMarkers, TrackedMotion
-from vsf_drake.motion.markers.tracking import CUTOFF_HZ, describe, smooth_poses
+from vsf_drake.motion.markers.tracking import CUTOFF_HZ, LONGEST_GAP_S, describe, smooth_poses
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import reaching_pelvis
 from vsf_drake.motion.trial_record import Trial

@@ -28,13 +28,12 @@ from vsf_drake.motion.manifest import (
     with_stated,
 )
 from vsf_drake.motion.markers.calibration import calibrate
-from vsf_drake.motion.markers.gaps import LONGEST_GAP_S
 from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
 from vsf_drake.motion.markers.maps import SHIPPED, MarkerMap, choose_map, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts, with_files
 from vsf_drake.motion.markers.posture import prepared
 from vsf_drake.motion.markers.segments import Calibration, TrackedMotion
-from vsf_drake.motion.markers.tracking import CUTOFF_HZ, track
+from vsf_drake.motion.markers.tracking import CUTOFF_HZ, LONGEST_GAP_S, track
 from vsf_drake.motion.opensim import HEAVIEST_BW, assign_prefixes, read_kinematics, read_plate
 from vsf_drake.motion.trial_record import Trial, check_mass, default_model, mass_from_walk, on_the_belt, trial_window
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, ModelParameters, Subject, person_coordinates
@@ -56,7 +55,7 @@ class TrialOptions:
     """Fields of `Subject` that are known better than the markers tell, by name; they win."""
     hip: str = "harrington"  # see `calibrate`
     cutoff_hz: float | None = CUTOFF_HZ  # of the markers' filter; None leaves them as they are
-    longest_gap_s: float = LONGEST_GAP_S  # see `markers.gaps`
+    longest_gap_s: float = LONGEST_GAP_S  # see `fill_gaps`
     plate_sides: Mapping[str, str | None] | None = None  # plate names by side, where the user says which is which foot
     window: Window | None = None
     belt_speed_m_per_s: float = 0.0  # + when the treadmill's belt runs backward

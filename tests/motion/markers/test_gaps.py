@@ -8,7 +8,7 @@ from made_calibration import true_calibration
 from made_person import markers, recording_of, walking_angles
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.markers.gaps import fill_gaps
+from vsf_drake.motion.markers.tracking import fill_gaps
 
 TIME = np.arange(300) / 100.0
 TRUTH = markers(walking_angles(TIME), label_set="rajagopal", medial=False)

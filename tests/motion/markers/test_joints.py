@@ -15,7 +15,6 @@ from vsf_drake.motion.markers.joints import (
     chord,
     coordinates_of,
     gimbal_notes,
-    hinge_axis,
     hip_offset,
     joint_angles,
     joint_rotation,
@@ -29,8 +28,6 @@ from vsf_drake.plants.person import add_person
 # Worked with pencil for PW 250, PD 160, LL 900 mm, marker radius 7, plate 2: forward, up, lateral in mm.
 BY_HAND = {
     "harrington": (-0.24 * 160 - 9.9 - 9, -40 - 36 - 7.1, 44.8 + 40 + 7.9),
-    "harrington_pw": (-34.5 - 10.4 - 9, -76.25 - 10.9, 82.5 + 7.3),
-    "harrington_ll": (-36.9 - 6.3 - 9, -74.7 - 7.9, 78.66 + 5.4),
     "hara": (11 - 56.7 - 9, -9 - 70.2, 8 + 77.4),
     "bell": (-47.5, -75.0, 90.0),
     "davis": (-46.745, -96.767, 83.050),
@@ -57,18 +54,6 @@ def test_a_chord_centre_has_its_right_angle_its_distance_and_its_plane(seed):
     along = (proximal - lateral) / np.linalg.norm(proximal - lateral)
     across = centre - lateral - (centre - lateral) @ along * along
     assert across @ medially > 0
-
-
-def turned(axis, angles, mounting):
-    return Rotation.from_rotvec(np.outer(angles, axis)).as_matrix() @ mounting
-
-
-def test_the_hinge_axis_is_found_in_a_segment_mounted_at_any_angle():
-    axis = np.array([0.1, 0.97, -0.2]) / np.linalg.norm([0.1, 0.97, -0.2])
-    mounting = Rotation.from_euler("xyz", [0.4, -1.0, 2.0]).as_matrix()
-    axis_of_hinge, swept = hinge_axis(turned(axis, np.linspace(-0.2, 0.9, 60), mounting))
-    assert abs(axis_of_hinge @ axis) == pytest.approx(1, abs=1e-12)
-    assert swept == pytest.approx(1.1, abs=1e-9)
 
 
 def test_the_pelvis_frame_lies_in_the_plane_of_its_spines():

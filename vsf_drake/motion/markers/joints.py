@@ -24,13 +24,9 @@ import numpy as np
 from vsf_drake.motion.formats.recording import SIDES, os_to_world, world_to_os
 from vsf_drake.motion.markers.person_facts import PersonFacts, joint_width_m
 from vsf_drake.motion.markers.posture import Posture
-from vsf_drake.motion.markers.segments import FEWEST_MARKERS, PARENTS, mean_shape, rigid_poses
+from vsf_drake.motion.markers.segments import PARENTS
 from vsf_drake.parameters import PELVIS_COORDINATES, leg_coordinates
 from vsf_drake.sentences import say
-
-LEAST_HINGE_RAD = np.radians(30.0)  # a knee that turns less than this does not show its axis (a choice)
-ODD_HINGE_RAD = np.radians(30.0)
-"""A functional knee axis that departs more than this from the pelvis' sideways one is doubtful (a choice)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,47 +106,17 @@ class _Builder:
         left = 1.0 if side == "right" else -1.0
         role = f"{'thigh' if name == 'knee' else 'shank'}_plane_{side}"
         lateral, medial, plane = self.needed(f"{name}_lateral_{side}"), self.at(f"{name}_medial_{side}"), self.at(role)
-        alone = name == "knee" and medial is None and plane is None
-        hinge = self.hinge(side, left * sideways) if alone else None
         width, source = joint_width_m(self.person, name)
         self.method += say("markers", name, side=side, width=source, medial=medial is not None,
-                           plane=plane is not None and self.labelled.roles[role], hinge=hinge is not None)
+                           plane=plane is not None and self.labelled.roles[role])
         if medial is not None:
             return 0.5 * (lateral + medial), left * (medial - lateral)
         distance = 0.5 * width + 1e-3 * self.person.marker_radius_mm
-        medially = left * sideways if hinge is None else hinge
-        centre = (beside(proximal, lateral, medially, distance) if plane is None else
-                  chord(proximal, lateral, plane, medially, distance))
-        self.notes += say("markers", "no_knee_axis", side=side) if alone and hinge is None else []
+        if plane is None:  # a chord whose plane holds the joint's axis: at a right angle to the proximal centre
+            plane = lateral + left * sideways
+            self.notes += say("markers", "no_knee_axis", side=side) if name == "knee" else []
+        centre = chord(proximal, lateral, plane, left * sideways, distance)
         return centre, left * (centre - lateral) if name == "knee" else sideways
-
-    def hinge(self, side: str, medially: np.ndarray) -> np.ndarray | None:
-        """(n, 3) the knee's functional axis, pointing medially in W; None where the recording does not show it."""
-        if self.posture.still:
-            return None
-        thigh, shank = (self.cluster(f"{segment}_{side}") for segment in ("thigh", "shank"))
-        if thigh is None or shank is None:
-            return None
-        a, turned = hinge_axis(thigh.swapaxes(-1, -2) @ shank)
-        if turned < LEAST_HINGE_RAD:
-            return None
-        axis = thigh @ a
-        along = float(np.nanmedian(np.sum(axis * medially, axis=-1)))
-        if abs(along) < np.cos(ODD_HINGE_RAD):
-            self.notes += say("markers", "odd_hinge", side=side, degrees=np.degrees(np.arccos(abs(along))))
-        return np.asarray(axis * np.sign(along))
-
-    def cluster(self, segment: str) -> np.ndarray | None:
-        """(n, 3, 3) orientation of a segment's markers against their mean shape; None with fewer than three."""
-        labels = [m for m in self.labelled.segments[segment] if m in self.posture.points]
-        if len(labels) < FEWEST_MARKERS:
-            return None
-        x = np.stack([self.posture.points[label] for label in labels], axis=1)
-        whole = x[np.isfinite(x).all(axis=(1, 2))]
-        if not len(whole):
-            return None
-        poses = rigid_poses(mean_shape(whole[0] - whole[0].mean(axis=0), x), x)
-        return poses.R_WB if poses.known.any() else None
 
 
 # Joint centres from surface markers. Points are (..., 3) in m.
@@ -159,8 +125,7 @@ class _Builder:
 # superior iliac spines, in the pelvis frame of Wu et al. (2002), from PW (inter-ASIS width), PD (mid-ASIS to mid-PSIS)
 # and LL (ASIS to medial malleolus):
 #
-#     Harrington et al. 2007, doi 10.1016/j.jbiomech.2006.02.003; the forms with PW only and LL only as in
-#         Sangeux et al. 2015 and the public pyCGM2
+#     Harrington et al. 2007, doi 10.1016/j.jbiomech.2006.02.003
 #     Hara et al. 2016, doi 10.1038/srep37707
 #     Bell et al. 1990, doi 10.1016/0021-9290(90)90054-7, with 0.30 PW for the vertical as HAS-Motion's CODA pelvis has
 #     Davis et al. 1991, doi 10.1016/0167-9457(91)90046-Z
@@ -170,8 +135,8 @@ class _Builder:
 # Bell's is used as published.
 
 
-HIP_METHODS = ("harrington", "harrington_pw", "harrington_ll", "hara", "bell", "davis")
-NEEDS_LEG_LENGTH = ("harrington", "harrington_ll", "hara", "davis")
+HIP_METHODS = ("harrington", "hara", "bell", "davis")
+NEEDS_LEG_LENGTH = ("harrington", "hara", "davis")
 _DAVIS_THETA, _DAVIS_BETA = math.radians(28.4), math.radians(18.0)
 
 
@@ -180,16 +145,12 @@ def hip_offset(
     base_plate: float
 ) -> np.ndarray:
     """(3,) m: forward, up and lateral coordinate of the hip centre from the midpoint of the ASIS markers."""
-    if method not in HIP_METHODS:
-        raise ValueError(f"{method!r} is none of {', '.join(HIP_METHODS)}")
     pw, pd, ll = (1e3 * length for length in (pelvis_width, pelvis_depth, leg_length))
     skin = 1e3 * (marker_radius + base_plate)
     c, depth, along = 0.115 * ll - 15.3, 0.1288 * ll - 48.56 + 1e3 * marker_radius, math.cos(_DAVIS_THETA)
     sin_b, cos_b = math.sin(_DAVIS_BETA), math.cos(_DAVIS_BETA)
     mm = {
         "harrington": (-0.24 * pd - 9.9 - skin, -0.16 * pw - 0.04 * ll - 7.1, 0.28 * pd + 0.16 * pw + 7.9),
-        "harrington_pw": (-0.138 * pw - 10.4 - skin, -0.305 * pw - 10.9, 0.33 * pw + 7.3),
-        "harrington_ll": (-0.041 * ll - 6.3 - skin, -0.083 * ll - 7.9, 0.0874 * ll + 5.4),
         "hara": (11 - 0.063 * ll - skin, -9 - 0.078 * ll, 8 + 0.086 * ll),
         "bell": (-0.19 * pw, -0.30 * pw, 0.36 * pw),
         "davis": (c * along * sin_b - depth * cos_b, -c * along * cos_b - depth * sin_b,
@@ -215,37 +176,6 @@ def chord(proximal: np.ndarray, lateral: np.ndarray, plane: np.ndarray, medially
     with np.errstate(invalid="ignore"):
         sine = np.sqrt(1 - cosine**2)
     return np.asarray(lateral + distance * (cosine * u + sine * w))
-
-
-def beside(proximal: np.ndarray, lateral: np.ndarray, axis_medially: np.ndarray, distance: float) -> np.ndarray:
-    """The joint centre at `distance` from the lateral marker, in the direction of `axis_medially` as seen from it and
-    at a right angle to the line from the centre to the `proximal` one: a chord whose plane holds the joint's axis."""
-    return chord(proximal, lateral, np.asarray(lateral) + axis_medially, axis_medially, distance)
-
-
-def hinge_axis(R_relative: np.ndarray) -> tuple[np.ndarray, float]:
-    """The axis about which a distal segment turns in a proximal one, by least squares over all frames.
-
-    The unit directions a (proximal) and b (distal) minimise sum |a - R b|^2: the singular vector of the stacked
-    [1, -R] with the smallest singular value, the direction that Ehrig et al. (2007, doi
-    10.1016/j.jbiomech.2006.10.026) find in their symmetrical axis of rotation approach. `R_relative` (n, 3, 3) is the
-    distal segment's orientation in the proximal one's frame; NaN frames are left out. Gives a, (3,), of either sense,
-    and the range (rad) of the rotation about it.
-    """
-    R = R_relative[np.isfinite(R_relative).all(axis=(1, 2))]
-    if not len(R):
-        return np.full(3, np.nan), 0.0
-
-    # sum |a - R b|^2 = [a, b]^T normal [a, b], least for the eigenvector of its smallest eigenvalue, whose half a is.
-    total = R.sum(axis=0)
-    normal = np.block([[len(R) * np.eye(3), -total], [-total.T, len(R) * np.eye(3)]])
-    a = np.linalg.eigh(normal)[1][:3, 0]
-    a = a / np.linalg.norm(a)
-
-    # The angle about it: of a vector u across the axis, as the distal segment carries it.
-    u = np.linalg.svd(a[None])[2][1]
-    turned = R @ (R[0].T @ u)
-    return a, float(np.ptp(np.unwrap(np.arctan2(turned @ np.cross(a, u), turned @ u))))
 
 
 def frame_from(z: np.ndarray, y: np.ndarray) -> np.ndarray:
