@@ -32,8 +32,7 @@ from make_reference_subject import DATA
 from vsf_drake.analysis.contact_fit import ContactFitOptions
 from vsf_drake.bench_curves import load_bench_file
 from vsf_drake.files import sha256, write_json
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.cases import digest
 from vsf_drake.simulation.walk import Walker

@@ -22,8 +22,7 @@ from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.files import replaced
 from vsf_drake.motion.events import runs
 from vsf_drake.motion.trajectory import low_pass
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, FootParameters, leg_coordinates
 from vsf_drake.plants.foot import with_elements
 from vsf_drake.report.style import NEUTRAL, condition_colour, label, log_scale, new_figure, save_figure, style

@@ -30,8 +30,7 @@ from virtual_laboratory.floor import (
 
 from vsf_drake.analysis.validation.study import REPEATS, SETTINGS
 from vsf_drake.files import sha256, write_json
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
 
 RESULTS = Path(__file__).resolve().parent / "results"

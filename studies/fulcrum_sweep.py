@@ -19,8 +19,7 @@ from vsf_drake.analysis.offsets import fit_offsets
 from vsf_drake.analysis.sweep_table import as_walk, scores
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.files import write_json
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.report import style as look
 from vsf_drake.schema import to_plain

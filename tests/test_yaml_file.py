@@ -13,7 +13,7 @@ from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import UNPRINTABLE, InputError
 from vsf_drake.motion.manifest import load_manifest
 from vsf_drake.motion.markers.maps import load_marker_map
-from vsf_drake.motion.trial_record import load_subject
+from vsf_drake.motion.trial import load_subject
 from vsf_drake.parameters import Subject
 from vsf_drake.schema import dump_yaml, from_plain, load_plain, load_yaml, to_plain
 from vsf_drake.simulation.archive import read_archive

@@ -12,8 +12,7 @@ from contact_fit_study.cases import TIERS, TRIALS
 from contact_fit_study.keeping import made_by
 from vsf_drake.bench_curves import BenchMeasurement, load_bench_file
 from vsf_drake.files import sha256
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.batch.cases import digest
 

@@ -32,7 +32,7 @@ from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import THRESHOLD_N, find_stances
 from vsf_drake.motion.formats.recording import PlateRecording
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.walk import Walker
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from pydrake.systems.framework import Context
 
 from vsf_drake.ground import Ground
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.plants.gait import GaitDiagram, make_gait

@@ -31,8 +31,7 @@ from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.report.style import save_figure
 from vsf_drake.simulation.walk_over_ground import ReferenceWalk, walk_over

@@ -24,7 +24,7 @@ from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 
 SCORES = ("grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "cop_rmse_fl",
           "impulse_rmse_bws", "stance_measured_s", "stance_model_s", "heel_strike_error_s", "toe_off_error_s",

@@ -16,8 +16,7 @@ from vsf_drake.contact_file import load_contact
 from vsf_drake.files import resource
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 
 SETTINGS = ("low", "medium", "high")
 

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from mujoco_model import ARMATURE, DRIVEN, Contact, MujocoFoot, make_mujoco_foot
 
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S, FootParameters
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot_handles import ContactSites

@@ -13,8 +13,7 @@ import psutil
 from table import Row
 
 from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.batch import ProcessWorkers, WalkCase, WalkOutcome, simulate_batch
 
 WALKS, WALK_S, WORKERS, ROUNDS = 200, 1.2, 2, 3

@@ -10,8 +10,7 @@ import numpy as np
 
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.motion.trajectory import low_pass
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.walk import Walk, Walker
 

@@ -51,8 +51,7 @@ from vsf_drake.motion.formats.recording import Plate
 from vsf_drake.motion.formats.tables import read_storage, write_forces_mot
 from vsf_drake.motion.manifest import load_manifest, load_stated_subject
 from vsf_drake.motion.markers.maps import load_marker_map
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import load_subject
+from vsf_drake.motion.trial import load_subject, load_trial
 from vsf_drake.report.fit_output import FIT
 from vsf_drake.report.outputs import check_sweep_folder
 from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING

@@ -11,7 +11,7 @@ import yaml
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Laboratory, Window, load_manifest, to_si
-from vsf_drake.motion.trial_record import load_subject
+from vsf_drake.motion.trial import load_subject
 from vsf_drake.parameters import Subject
 
 EVERYTHING = """

@@ -19,12 +19,12 @@ from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.trial import (
     PLACEHOLDER_KG,
     TrialOptions,
+    default_model,
     load_trial,
     model_ankle,
     trial_from_recordings,
     write_trial_files,
 )
-from vsf_drake.motion.trial_record import default_model
 from vsf_drake.schema import dump_yaml
 
 HEAVY = 80.0

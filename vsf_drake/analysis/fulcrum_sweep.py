@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 
 SWEEP_POSITIONS = 18
 """Evenly spaced over the carriage, 5 mm apart on the nominal foot."""

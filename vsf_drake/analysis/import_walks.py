@@ -21,8 +21,7 @@ from vsf_drake.motion.markers.maps import MarkerMap, load_marker_map
 from vsf_drake.motion.markers.person_facts import PersonFacts, check_facts, with_files
 from vsf_drake.motion.markers.posture import MID_FULCRUM_M
 from vsf_drake.motion.markers.segments import Calibration
-from vsf_drake.motion.trial import PLACEHOLDER_KG, TrialOptions, trial_from_recordings
-from vsf_drake.motion.trial_record import Trial, check_mass, default_model
+from vsf_drake.motion.trial import PLACEHOLDER_KG, Trial, TrialOptions, check_mass, default_model, trial_from_recordings
 from vsf_drake.parameters import FootParameters
 from vsf_drake.sentences import say
 

@@ -28,8 +28,7 @@ from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, orienta
 from vsf_drake.motion.markers.segments import PARENTS, Calibration, RigidPoses, SegmentMarkers, TrackedMotion
 from vsf_drake.motion.markers.tracking import CUTOFF_HZ, LONGEST_GAP_S, describe, smooth_poses
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial import reaching_pelvis
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, reaching_pelvis
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.sentences import say

@@ -19,7 +19,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from vsf_drake.analysis.comparison import compare, compare_sensitivity
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.walk import Walk, Walker
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.metrics import agreement
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.batch.cases import software

@@ -18,7 +18,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import user_path
 
 if TYPE_CHECKING:
-    from vsf_drake.motion.trial_record import Trial
+    from vsf_drake.motion.trial import Trial
     from vsf_drake.parameters import ModelParameters
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,

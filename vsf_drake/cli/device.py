@@ -126,7 +126,7 @@ def show(
 ) -> None:
     """Shows the model in a browser, with sliders for every joint, the fulcrum and a load on the keel."""
     from vsf_drake.files import resource
-    from vsf_drake.motion.trial_record import load_subject
+    from vsf_drake.motion.trial import load_subject
     from vsf_drake.report.show.scene import show_model, write_model_page
 
     if what == "person" and subject is None:
@@ -161,7 +161,7 @@ def stand(
     from vsf_drake.contact_file import load_contact
     from vsf_drake.files import sha256
     from vsf_drake.motion.fitted_trial import check_person
-    from vsf_drake.motion.trial_record import load_subject
+    from vsf_drake.motion.trial import load_subject
     from vsf_drake.report.outputs import STANDING, write_standing
     from vsf_drake.simulation.standing import simulate_standing
 

@@ -27,7 +27,7 @@ from vsf_drake.analysis.validation.bench_lines import CURVES, load_measured_benc
 from vsf_drake.cli.app import progress
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import read_json, sha256, write_json
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.report.fit_output import FIT, clear_fit, write_fit
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.walk import Walker

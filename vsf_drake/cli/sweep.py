@@ -29,7 +29,7 @@ from vsf_drake.cli.app import (
 from vsf_drake.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
-    from vsf_drake.motion.trial_record import Trial
+    from vsf_drake.motion.trial import Trial
     from vsf_drake.simulation.variables import Variable
 
 SHIFT = "fulcrum.shift"

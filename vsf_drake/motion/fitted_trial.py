@@ -17,7 +17,7 @@ from vsf_drake.files import sha256
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines, window_bsplines
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import Subject
 from vsf_drake.schema import check
 from vsf_drake.sentences import say

@@ -57,7 +57,7 @@ from vsf_drake.contact_file import load_contact, model_with
 from vsf_drake.errors import InputError, require
 from vsf_drake.files import resource
 from vsf_drake.model_file import check_fulcrum, load_model
-from vsf_drake.motion.trial_record import load_subject
+from vsf_drake.motion.trial import load_subject
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.bench import BenchDiagram, make_bench
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, add_ground_geometry

@@ -18,8 +18,7 @@ from vsf_drake.analysis.recording.foot import flat_phase
 from vsf_drake.analysis.recording.motion_checks import RESIDUAL_M
 from vsf_drake.files import write_text
 from vsf_drake.motion.formats.recording import SIDES
-from vsf_drake.motion.trial import load_trial, trial_files, write_trial_files
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial, trial_files, write_trial_files
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.report.page import render
 from vsf_drake.report.results_folder import ResultsFolder

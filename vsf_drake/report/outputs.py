@@ -13,7 +13,7 @@ from vsf_drake.analysis.offsets import OffsetFit
 from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
 from vsf_drake.errors import InputError
 from vsf_drake.files import plain, read_json
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.report.figures import bench_figure, standing_figure, sweep_figure, walk_figure
 from vsf_drake.report.page import write_csv
 from vsf_drake.report.replay import write_replay

@@ -49,7 +49,7 @@ from vsf_drake.simulation.variables import (
 )
 
 if TYPE_CHECKING:
-    from vsf_drake.motion.trial_record import Trial
+    from vsf_drake.motion.trial import Trial
 
 
 DEFAULT_STEP_S = 1e-3

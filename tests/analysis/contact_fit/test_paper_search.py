@@ -26,7 +26,7 @@ from vsf_drake.analysis.contact_fit.paper import (
 from vsf_drake.analysis.contact_fit.parameters import zones_of
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws.kelvin_voigt import normal_force
-from vsf_drake.motion.trial_record import default_model
+from vsf_drake.motion.trial import default_model
 from vsf_drake.parameters import Subject
 from vsf_drake.simulation.walk import Walker
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, run
 
 LOADED_S = 0.45

@@ -22,7 +22,7 @@ from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_p
 from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.sentences import say
 
 FITTED, HELD_OUT = "fitted", "held out"

@@ -19,7 +19,7 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import gait_phase
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import SIDES
 from vsf_drake.simulation.variables import MotionPerturbation, Variable
 

@@ -29,7 +29,7 @@ from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.fitted_trial import APPLIED, fingerprint
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.batch.cases import digest

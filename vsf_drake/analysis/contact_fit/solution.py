@@ -18,7 +18,7 @@ from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty, run_sea
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
 

@@ -31,7 +31,7 @@ from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty
 from vsf_drake.contact_file import variable_unit
 from vsf_drake.files import plain
 from vsf_drake.motion.trajectory import periodic_bsplines
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 

@@ -22,7 +22,7 @@ from vsf_drake.motion.formats.recording import SIDES, os_to_world
 from vsf_drake.motion.markers.posture import NOTE
 from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial_record import Trial, on_the_belt
+from vsf_drake.motion.trial import Trial, on_the_belt
 from vsf_drake.parameters import PELVIS_TRANSLATIONS
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.schema import to_plain

@@ -13,8 +13,7 @@ from vsf_drake.analysis.validation.study import SETTINGS, check_named_once, embe
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import trial_with
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 
 Progress = Callable[[str, float], None]  # called with what is being done and the finished fraction of it
 NO_CONTACT = (

@@ -26,7 +26,7 @@ from vsf_drake.motion.contacts import TOLERANCE_S, WIDEN_S
 from vsf_drake.motion.events import Stance, find_stances, kinematic_stances, walking_direction
 from vsf_drake.motion.markers.segments import FootTrack
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY, PELVIS_ROTATIONS
 from vsf_drake.sentences import say
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates

@@ -30,7 +30,7 @@ from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.trajectory import low_pass
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import FootParameters
 from vsf_drake.simulation.reactions import (
     FootReaction,

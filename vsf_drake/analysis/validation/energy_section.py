@@ -27,7 +27,7 @@ from vsf_drake.analysis.validation.study import Progress, Section, Study, reache
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.files import flat
 from vsf_drake.motion.events import find_stances
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
 from vsf_drake.simulation.bench_stiffness import BenchStiffness

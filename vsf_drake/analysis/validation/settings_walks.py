@@ -33,7 +33,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.fitted_trial import gait_phase
 from vsf_drake.motion.trajectory import CoordinateTrajectory, low_pass, periodic_bsplines
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.batch import SweepProgress, WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.batch.processes import chosen

@@ -19,8 +19,7 @@ from vsf_drake.contact_file import FittedContact, load_contact
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.files import resource, sha256
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walker

@@ -263,7 +263,7 @@ def track(recording: Recording, calibration: Calibration, *, cutoff_hz: float | 
 
     A segment with fewer than three markers of its own, or with markers near one line, takes the centre of its proximal
     joint, as its parent's pose has it, for one more; the notes say so. `cutoff_hz` is that of the fourth-order
-    zero-phase Butterworth filter on the markers, None where they are filtered already; see `fill_gaps` for `longest_gap_s`.
+    zero-phase Butterworth filter on the markers, None if they are filtered; for `longest_gap_s` see `fill_gaps`.
     Refused where gaps cannot be filled, or the markers are not those of the calibration (another person or unit,
     exchanged or moved)."""
     filled, markers, poses = smooth_poses(recording, calibration, cutoff_hz=cutoff_hz, longest_gap_s=longest_gap_s)

@@ -26,7 +26,7 @@ from vsf_drake.simulation.variables import Variable, check_names, check_number, 
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, fulcrum_on_grid, walk_grid
 
 if TYPE_CHECKING:
-    from vsf_drake.motion.trial_record import Trial
+    from vsf_drake.motion.trial import Trial
 
 
 ARRAYS = {f.name: f.metadata for f in dataclasses.fields(WalkResult) if "shape" in f.metadata}

@@ -17,7 +17,7 @@ from vsf_drake.analysis.tuning.level1.options import TuningOptions
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.trajectory import low_pass
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES
 from vsf_drake.simulation.reactions import follow, sum_sites
 from vsf_drake.simulation.walk import Walk, Walker

@@ -36,7 +36,7 @@ from vsf_drake.analysis.tuning.level1.costs import (
 )
 from vsf_drake.analysis.tuning.level1.options import DesignVariable, TuningOptions, design_variables, walk_setting
 from vsf_drake.errors import InputError
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.walk import Walk, Walker
 

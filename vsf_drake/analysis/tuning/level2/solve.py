@@ -36,7 +36,7 @@ from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution, resampled
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.motion.trial_record import Trial
+from vsf_drake.motion.trial import Trial
 from vsf_drake.schema import to_plain
 from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
