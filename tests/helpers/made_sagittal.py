@@ -102,7 +102,7 @@ def _raised(count: int, raised_m: float) -> SagittalTrajectory:
     zero = np.zeros((count + 1, 2))
     return SagittalTrajectory(
         time_s=instants, names=names, q=found[0], v=found[1], a=found[2], torque=np.zeros((count + 1, 5)),
-        grf={"prosthetic": zero, "intact": zero}, fulcrum_m=embedded_trial().fulcrum_m, period_s=period,
+        grf={"prosthetic": zero, "intact": zero}, fulcrum_m=embedded_trial().fulcrum_m,
         advance=advance)
 
 

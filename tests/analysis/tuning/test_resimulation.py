@@ -70,31 +70,24 @@ def weight():
 # Between the instants of a solution its motion is what position, velocity and acceleration say.
 
 
-def quintic(t):
-    """Eight polynomials of degree five and their derivatives."""
-    c = np.random.default_rng(3).normal(size=(6, 8))
-    powers = [np.array([np.prod(np.arange(k - d + 1, k + 1)) * t ** max(k - d, 0) if k >= d else 0 * t
-                        for k in range(6)]) for d in range(3)]
-    return tuple(p.T @ c for p in powers)
-
-
 def trajectory(time, states, **changes):
     n = len(time)
-    given = dict(time_s=time, names=sagittal_coordinates("left"), q=states[0], v=states[1], a=states[2],
-                 torque=np.zeros((n, 5)), grf={foot: np.zeros((n, 2)) for foot in FEET}, fulcrum_m=0.1)
+    given = dict(time_s=time, names=sagittal_coordinates("left"), q=states[0], v=states[1], a=states[2], fulcrum_m=0.1,
+                 advance=states[0][-1] - states[0][0], torque=np.zeros((n, 5)),
+                 grf={foot: np.zeros((n, 2)) for foot in FEET})
     return SagittalTrajectory(**(given | changes))
 
 
-def test_polynomials_of_degree_five_are_reproduced_and_beyond_the_ends_their_acceleration_stays():
-    time = np.array([0.0, 0.4, 0.55, 1.0])
-    states = quintic(time)
-    motion, t = SolutionMotion(trajectory(time, states)), np.linspace(0.0, 1.0, 37)
-    for ours, exact in zip(motion.sample(t), quintic(t), strict=True):
+def test_polynomials_of_degree_five_are_reproduced():
+    def quintic(t):
+        c = np.random.default_rng(3).normal(size=(6, 8))
+        powers = [np.array([np.prod(np.arange(k - d + 1, k + 1)) * t ** max(k - d, 0) if k >= d else 0 * t
+                            for k in range(6)]) for d in range(3)]
+        return tuple(p.T @ c for p in powers)
+
+    time, t = np.array([0.0, 0.4, 0.55, 1.0]), np.linspace(0.0, 0.999, 37)
+    for ours, exact in zip(SolutionMotion(trajectory(time, quintic(time))).sample(t), quintic(t), strict=True):
         np.testing.assert_allclose(ours, exact, atol=1e-10)
-    q, v, a = (part[0] for part in motion.sample(np.array([1.25])))
-    np.testing.assert_allclose(a, states[2][-1], atol=1e-9)
-    np.testing.assert_allclose(v, states[1][-1] + 0.25 * states[2][-1], atol=1e-9)
-    np.testing.assert_allclose(q, states[0][-1] + 0.25 * states[1][-1] + 0.5 * 0.25**2 * states[2][-1], atol=1e-9)
 
 
 def test_a_period_further_on_the_person_is_a_stride_ahead_and_out_of_the_plane_nothing_moves():
@@ -113,7 +106,7 @@ def test_a_period_further_on_the_person_is_a_stride_ahead_and_out_of_the_plane_n
 def test_torques_between_instants_follow_a_smooth_curve_to_fourth_order():
     def error(count):
         t, dense = np.linspace(0.0, 1.0, count + 1), np.linspace(-1.0, 2.0, 301)
-        loads = SolutionMotion(trajectory(t, [np.zeros((count + 1, 8))] * 3, period_s=1.0, advance=np.zeros(8),
+        loads = SolutionMotion(trajectory(t, [np.zeros((count + 1, 8))] * 3,
                                           torque=np.outer(np.sin(2 * np.pi * t), np.ones(5)))).loads(dense)
         assert not loads[:, :3].any()
         return np.abs(loads[:, 3:] - np.sin(2 * np.pi * dense)[:, None]).max()
@@ -121,7 +114,7 @@ def test_torques_between_instants_follow_a_smooth_curve_to_fourth_order():
     assert error(20) / error(40) == pytest.approx(16.0, rel=0.2)
 
 
-def test_torques_that_alternate_are_told_from_smooth_ones(solution, fine):
+def test_torques_that_alternate_are_told_from_smooth_ones():
     """Of a pure alternation all counts; of a sine with n instants a period, (1 - cos(2 pi / n)) / 2."""
     t = np.linspace(0.0, 1.0, 41)
 
@@ -131,55 +124,43 @@ def test_torques_that_alternate_are_told_from_smooth_ones(solution, fine):
     assert of((-1.0) ** np.arange(41)) == pytest.approx(1.0)
     assert of(np.sin(2 * np.pi * 4 * t)) == pytest.approx(0.5 * (1.0 - np.cos(2 * np.pi / 10)), rel=0.05)
     assert of(0.0 * t) == 0.0
-    ringing = dataclasses.replace(solution, torque=solution.torque + 80.0 * (-1.0) ** np.arange(41)[:, None])
-    for given, alternates in ((ringing, True), (fine, False)):
-        words = " ".join(resimulate_prescribed(embedded_walker(), given).sentences())
-        assert ("from instant to instant" in words) == alternates
 
 
 # A solved problem is handed over column by column, with the device that it found.
 
 
-def solved(periodic=True):
+def test_outputs_variables_and_device_are_the_solution_s(solution):
     """A solution that says of every output which it is, with the motion of a known stride."""
-    whole = loaded_motion(40)
-    grid = Grid(method="trapezoidal", intervals=40, duration_s=whole.period_s, periodic=periodic)
-    layout = Layout(coordinates=whole.names, quasi_static=("socket_tx",))
-    names = ["balance_pelvis_tx", *(f"power_{n}" for n in whole.names[3:]),
-             *(f"torque_{n}" for n in reversed(whole.names[3:])), "intact_fx", "intact_fz", "intact_my",
+    grid = Grid(method="trapezoidal", intervals=40, duration_s=solution.period_s)
+    layout = Layout(coordinates=solution.names, quasi_static=("socket_tx",))
+    names = ["balance_pelvis_tx", *(f"power_{n}" for n in solution.names[3:]),
+             *(f"torque_{n}" for n in reversed(solution.names[3:])), "intact_fx", "intact_fz", "intact_my",
              "prosthetic_fz", "prosthetic_fx"]
     z = np.zeros((grid.instants, layout.size))
     for kind in ("q", "v", "a"):
-        z[:, getattr(layout, kind)] = getattr(whole, kind)[: grid.instants]
+        z[:, getattr(layout, kind)] = getattr(solution, kind)[:-1]
     y = np.arange(len(names)) + 100.0 * np.arange(grid.instants)[:, None]
-    problem = SimpleNamespace(layout=layout, grid=grid, advance=whole.advance)
+    problem = SimpleNamespace(layout=layout, grid=grid, advance=solution.advance)
     end = SimpleNamespace(problem=problem, z=z, p=np.array([0.12, 1.2, 0.01, 0.9]), y=lambda: y)
-    return whole, names, solved_trajectory(end, embedded_walker(), outputs=names)
-
-
-def test_outputs_variables_and_device_are_the_solution_s():
-    whole, names, given = solved()
+    given = solved_trajectory(end, embedded_walker(), outputs=names)
     for name in ("time_s", "q", "v", "a"):
         np.testing.assert_allclose(getattr(given, name) - getattr(given, name)[0],
-                                   getattr(whole, name) - getattr(whole, name)[0], atol=1e-9)
-    np.testing.assert_array_equal(given.torque[7], [names.index(f"torque_{n}") + 700.0 for n in whole.names[3:]])
+                                   getattr(solution, name) - getattr(solution, name)[0], atol=1e-9)
+    np.testing.assert_array_equal(given.torque[7], [names.index(f"torque_{n}") + 700.0 for n in solution.names[3:]])
     np.testing.assert_array_equal(given.torque[-1], given.torque[0])
     for foot in FEET:
-        np.testing.assert_array_equal(given.grf[foot][-1], given.grf[foot][0])
-        np.testing.assert_array_equal(given.grf[foot][0], [names.index(f"{foot}_fx"), names.index(f"{foot}_fz")])
+        np.testing.assert_array_equal(given.grf[foot][[0, -1]], [[names.index(f"{foot}_fx"),
+                                                                  names.index(f"{foot}_fz")]] * 2)
     modulus = embedded_walker().variables["keel.flexural_modulus"].default
     assert given.fulcrum_m == 0.12 and given.values["offset.alignment"] == 0.01
     assert given.values["keel.flexural_modulus"] == pytest.approx(0.9**3 * modulus)
-    single = solved(periodic=False)[2]
-    assert not single.periodic and len(single.time_s) == 41
-    np.testing.assert_allclose(single.q, whole.q)
 
 
 @pytest.mark.parametrize("design", [{"heel_stiffness": 1.4}, {"alignment_rad": 0.03}, {"keel_thickness": 1.2}])
-def test_full_model_s_device_is_the_sagittal_model_s(design):
+def test_full_model_s_device_is_the_sagittal_model_s(solution, design):
     """The design variable against a sagittal model that is made with the walk's values: all outputs alike."""
-    walker, whole = embedded_walker(), loaded_motion(40)
-    here = {kind: getattr(whole, kind).T for kind in ("q", "v", "a")} | {"smoothing": Smoothing()}
+    walker = embedded_walker()
+    here = {kind: getattr(solution, kind).T for kind in ("q", "v", "a")} | {"smoothing": Smoothing()}
     own, other = SagittalModel(walker), SagittalModel(walker, values=design_values(walker, **design))
     w = np.full((len(own.quasi_static), 41), 2e-3)
     p = np.tile(np.array([[0.108], [1.0], [0.0], [1.0]]), 41)
@@ -191,88 +172,50 @@ def test_full_model_s_device_is_the_sagittal_model_s(design):
     assert np.abs(by_design - own.evaluate(**here, w=w, u=0.0 * w, p=p)).max() > 1.0
 
 
-def test_design_of_the_device_reaches_springs_and_contact():
-    """A leaf twice as thick bends an eighth as much; the heel's zones and no others change with the heel."""
-    walker = embedded_walker()
-    values = design_values(walker, heel_stiffness=1.5, alignment_rad=0.02, keel_thickness=2.0)
-    for name, value in values.items():
-        default = walker.variables[name].default
-        assert value == {"keel.flexural_modulus": 8.0 * default, "offset.alignment": 0.02}.get(name, 1.5 * default)
-    heel = {name for name in values if name.startswith("contact")}
-    assert heel and all(name.startswith("contact.heel") and name.endswith("stiffness") for name in heel)
-    assert design_values(walker) == {}
-
-
 # Its motion, prescribed to the full model, gives the ground reaction of that walk and of no other.
 
 
-def turned(solution, count):
-    """The same periodic motion cut at another phase."""
-    shift = solution.time_s[count] - solution.time_s[0]
-    order = np.r_[count : len(solution.time_s) - 1, : count + 1]
-    q = solution.q[order] - np.outer(order < count, -solution.advance)
-    q[-1] = q[0] + solution.advance
-    rows = {name: getattr(solution, name)[order] for name in ("v", "a", "torque", "pelvis_load")}
-    return dataclasses.replace(solution, time_s=solution.time_s + shift, q=q, **rows,
-                               grf={foot: force[order] for foot, force in solution.grf.items()})
-
-
-def part(solution, rows, **changes):
-    """Some instants, as a motion that is not periodic."""
-    arrays = {name: getattr(solution, name)[rows] for name in ("time_s", "q", "v", "a", "torque", "pelvis_load")}
-    return dataclasses.replace(solution, **arrays | {"period_s": None, "advance": None} | changes,
-                               grf={foot: force[rows] for foot, force in solution.grf.items()})
-
-
-def test_resimulated_force_is_that_of_the_same_walk_and_its_filtered_one(solution, resimulation):
+def test_resimulated_force_is_that_of_the_same_walk_low_passed(solution, resimulation):
     """The other way: a longer walk of two strides, read at the instants of the second."""
     walk = walked(solution, solution.start_s - solution.period_s, solution.end_s + 0.2)
     for foot, reaction in zip(FEET, (walk.prosthetic, walk.intact), strict=True):
         smooth = low_pass(reaction.grf_W, rate_hz=1e3, cutoff_hz=40.0)
-        for ours, theirs, most in ((resimulation.grf, reaction.grf_W, 2e-3), (resimulation.filtered_grf, smooth, 3e-3)):
-            expected = np.column_stack([np.interp(solution.time_s, walk.record.time_s, theirs[:, i]) for i in (0, 2)])
-            assert np.abs(ours[foot] - expected).max() < most * weight()
-        for over in ("stride", "stance"):
-            assert resimulation.difference(foot, over=over, filtered=False).resultant < 0.1
+        expected = np.column_stack([np.interp(solution.time_s, walk.record.time_s, smooth[:, i]) for i in (0, 2)])
+        assert np.abs(resimulation.grf[foot] - expected).max() < 3e-3 * weight()
     assert resimulation.met and not resimulation.fell
 
 
 def test_where_the_period_is_cut_does_not_matter(solution, walk):
-    other = walk_prescribed(embedded_walker(), turned(solution, 13))
-    both = (walk.record.time_s >= turned(solution, 13).start_s) & (walk.record.time_s <= solution.end_s)
+    order = np.r_[13 : len(solution.time_s) - 1, :14]
+    q = solution.q[order] - np.outer(order < 13, -solution.advance)
+    q[-1] = q[0] + solution.advance
+    rows = {name: getattr(solution, name)[order] for name in ("v", "a", "torque", "pelvis_load")}
+    turned = dataclasses.replace(solution, time_s=solution.time_s + solution.time_s[13] - solution.time_s[0], q=q,
+                                 **rows, grf={foot: force[order] for foot, force in solution.grf.items()})
+    other = walk_prescribed(embedded_walker(), turned)
+    both = (walk.record.time_s >= turned.start_s) & (walk.record.time_s <= solution.end_s)
     for ours, theirs in ((walk.prosthetic, other.prosthetic), (walk.intact, other.intact)):
         again = np.interp(walk.record.time_s, other.record.time_s, theirs.grf_W[:, 2])
         assert np.sqrt(np.mean((ours.grf_W[:, 2] - again)[both] ** 2)) < 2e-3 * weight()
 
 
-def test_difference_is_the_error_that_was_put_in(solution):
-    wrong = {"prosthetic": solution.grf["prosthetic"] + [0.0, 0.02 * weight()], "intact": solution.grf["intact"]}
-    run = resimulate_prescribed(embedded_walker(), dataclasses.replace(solution, grf=wrong))
-    assert run.difference("prosthetic", filtered=False).vertical == pytest.approx(2.0, abs=0.02)
-    assert run.difference("prosthetic", filtered=False).fore_aft < 0.02
-    assert run.difference("intact", filtered=False).resultant < 0.02
-    assert f"{run.percent_bw:.1f} %" in run.sentences()[0]
+def test_difference_is_the_error_that_was_put_in(solution, resimulation):
+    """A foot's force longer by 2 % of body weight at every instant."""
+    def longer(force):
+        size = np.linalg.norm(force, axis=1, keepdims=True)
+        return force + 0.02 * weight() * np.where(size > 1e-6, force / np.maximum(size, 1e-6), [0.0, 1.0])
 
-
-def test_single_stance_leaves_out_its_transient_and_a_foot_that_stands_at_the_start_is_told_of(solution):
-    """Friction there depends on the past: what a creep law forgets slowly, a run that starts late does not have."""
-    single = part(solution, slice(5, 36), pelvis_load=None)
-    assert single.grf["prosthetic"][0, 1] == 0.0
-    run = resimulate_prescribed(embedded_walker(), single)
-    assert np.isnan(run.grf["prosthetic"][~run.counted]).all()
-    assert run.counted.sum() == np.sum(single.time_s >= single.time_s[0] + 0.03)
-    assert run.difference("prosthetic", filtered=False).resultant < 0.1
-    run = resimulate_prescribed(embedded_walker(), part(solution, slice(13, 31), pelvis_load=None))
-    late = run.difference("prosthetic", filtered=False)
-    assert late.fore_aft > 5.0 * late.vertical
-    assert "prosthetic foot stood on the ground" in " ".join(run.sentences())
-    assert "intact foot stood" not in " ".join(run.sentences())
+    wrong = {"prosthetic": longer(resimulation.grf["prosthetic"]), "intact": resimulation.grf["intact"]}
+    run = dataclasses.replace(resimulation, trajectory=dataclasses.replace(solution, grf=wrong))
+    assert run.difference("prosthetic") == pytest.approx(2.0, rel=1e-7) == run.percent_bw
+    assert run.difference("intact") == 0.0
+    assert run.met and not dataclasses.replace(run, body_weight_n=0.6 * weight()).met, "3 % are allowed"
 
 
 def test_values_and_offsets_reach_the_walk_and_another_side_is_refused(solution, resimulation):
     walker = embedded_walker()
     stiffer = dataclasses.replace(solution, values={"fulcrum.shift": 0.03})
-    assert resimulate_prescribed(walker, stiffer).difference("prosthetic").resultant > 1.0
+    assert resimulate_prescribed(walker, stiffer).difference("prosthetic") > 1.0
     lower = dataclasses.replace(solution, offsets=GeometricOffsets(height_m=-0.005))
     by_value = dataclasses.replace(solution, values={"offset.height": -0.005})
     first, second = (resimulate_prescribed(walker, given) for given in (lower, by_value))
@@ -311,20 +254,15 @@ def test_torques_and_feedback_stay_on_the_solution_s_stride(driven):
     assert max(rms for name, rms in driven.motion_rms.items() if not name.startswith("pelvis_t")) < 0.5
     assert driven.feedback.share < 0.02
     assert driven.feedback.multiplier < 1.0 < driven.feedback.open_multiplier
-    assert "A HAND" not in " ".join(driven.sentences())
-    assert driven.feedback.hand_percent_bw == driven.feedback.hand_moment_nm == 0.0
 
 
-def test_finer_instants_need_less_feedback_and_wrong_torques_more(fine, driven):
-    coarse = resimulate_with_feedback(embedded_walker(), loaded_motion(30))
-    assert driven.feedback.share < 0.7 * coarse.feedback.share and driven.percent_bw < coarse.percent_bw
+def test_wrong_torques_need_more_feedback(fine, driven):
     weak = resimulate_with_feedback(embedded_walker(), dataclasses.replace(fine, torque=0.9 * fine.torque))
     assert not weak.fell and weak.feedback.share > 0.05 > driven.feedback.share
     assert max(weak.motion_rms.values()) > max(driven.motion_rms.values())
 
 
-@pytest.mark.parametrize("push", [pushed(1, 0.1), pytest.param(pushed(1, -0.1), marks=pytest.mark.slow),
-                                  pushed(0, 0.3), pytest.param(pushed(2, 0.05), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("push", [pushed(1, 0.1), pytest.param(pushed(2, 0.05), marks=pytest.mark.slow)])
 def test_small_push_is_forgotten(fine, driven, push):
     """Stride by stride the linearised walk multiplies what is left of a push by a tenth."""
     third, first = (resimulate_with_feedback(embedded_walker(), fine, strides=n, push=push) for n in (3, 1))
@@ -337,9 +275,8 @@ def test_torques_alone_fall_and_that_cannot_be_read_as_success(fine):
     run = resimulate_with_feedback(embedded_walker(), fine, feedback=False)
     assert run.fell and not run.met
     assert 0.0 < run.fell_after_s < 2 * fine.period_s and "fell after" in run.sentences()[0]
-    for read in (lambda: run.percent_bw, lambda: run.difference("intact"), run.check):
-        with pytest.raises(SimulationError, match="fell"):
-            read()
+    with pytest.raises(SimulationError, match="fell"):
+        _ = run.percent_bw
     row = run.as_check()
     assert row.value is None and row.met is False
     later = fine.time_s > fine.start_s + run.fell_after_s
@@ -354,26 +291,13 @@ def test_a_run_that_diverges_is_a_fall_and_a_first_step_that_fails_no_run(fine):
         resimulate_with_feedback(embedded_walker(), fine, push=pushed(0, 2000.0))
 
 
-def test_hand_is_told_of_and_is_not_walking(fine):
-    run = resimulate_with_feedback(embedded_walker(), fine, hand=True, push=pushed(1, 0.1))
-    assert not run.fell and run.feedback.hand_percent_bw > 0.0
-    assert "A HAND HELD THE PELVIS" in " ".join(run.sentences())
-    assert not run.met and run.as_check().met is False
-
-
-def test_single_stance_runs_once_and_has_no_multiplier(fine):
-    run = resimulate_with_feedback(embedded_walker(), part(fine, slice(10, 71)))
-    assert not run.fell and run.feedback.multiplier is None
-    assert run.difference("prosthetic").resultant < 2.0
-
-
 # The linear model of a walk answers small changes as the stepper does, where no sphere slides off or lands.
 
 
 STEPS, SMALL_Q, SMALL_V, SMALL_TORQUE = 12, 1e-6, 1e-4, 1e-2
 
 
-@pytest.mark.parametrize("phase", [0.4, 0.5, 0.65])
+@pytest.mark.parametrize("phase", [0.4, 0.65])
 def test_linear_answer_is_the_limit_of_the_stepper_s(solution, walk, phase):
     """End of STEPS steps under the loads that prescribed the walk, from another start or with more torque."""
     record, tree, names = walk.record, walk.mechanism.tree, solution.names
@@ -391,6 +315,7 @@ def test_linear_answer_is_the_limit_of_the_stepper_s(solution, walk, phase):
     np.testing.assert_allclose(end()[:f], record.q[first + STEPS - 1, free], atol=1e-8)
     transition, by_torque = np.eye(2 * f), np.zeros((2 * f, 8))
     steps = linear_steps(walk, names, first, first + STEPS)
+    np.testing.assert_allclose(steps.whole[:, steps.person], np.tile(np.eye(16), (STEPS, 1, 1)))
     for A, B in zip(steps.A, steps.B, strict=True):
         transition, by_torque = A @ transition, A @ by_torque + B
     rng = np.random.default_rng(2)
@@ -402,74 +327,33 @@ def test_linear_answer_is_the_limit_of_the_stepper_s(solution, walk, phase):
         assert np.linalg.norm((ahead - behind) / 2 - expected) < 0.01 * np.linalg.norm(expected)
 
 
-def test_person_s_places_and_what_is_inside_are_told_apart(solution, walk):
-    steps = linear_steps(walk, solution.names, 400, 403)
-    f = steps.A.shape[1] // 2
-    assert f == 8 + 6 + 9
-    np.testing.assert_allclose(steps.whole[:, steps.person], np.tile(np.eye(16), (3, 1, 1)))
-    assert sorted(steps.person[8:] - f) == sorted(steps.person[:8])
-
-
-# The regulator is the one of closed forms, of dense least squares and of an independent Riccati solver.
+# The regulator is the one of closed forms and of an independent Riccati solver.
 
 
 def repeated(matrix, count):
     return np.repeat(np.asarray(matrix, dtype=float)[None], count, axis=0)
 
 
-def test_scalar_gain_solves_its_quadratic_equation():
-    """P = q + a^2 P r / (r + b^2 P), so b^2 P^2 + (r - r a^2 - q b^2) P - q r = 0."""
-    a, b, q, r = 1.3, 0.4, 0.7, 2.0
-    middle = r - r * a**2 - q * b**2
-    P = (-middle + np.sqrt(middle**2 + 4 * b**2 * q * r)) / (2 * b**2)
-    K, cost = regulator(repeated([[a]], 40), repeated([[b]], 40), np.array([[q]]), np.array([[r]]), periodic=True)
-    assert cost[0, 0] == pytest.approx(P, rel=1e-6)
-    np.testing.assert_allclose(K[:, 0, 0], a * b * P / (r + b**2 * P), rtol=1e-6)
-
-
 def test_inverted_pendulum_has_the_gains_of_the_continuous_problem():
     """theta'' = w^2 theta + u with cost theta^2 q + u^2: k1 = w^2 + sqrt(w^4 + q), k2 = sqrt(2 k1)."""
     w2, q, h = 9.81, 400.0, 1e-4
     A, B = np.eye(2) + h * np.array([[0.0, 1.0], [w2, 0.0]]), h * np.array([[0.0], [1.0]])
-    K, _ = regulator(repeated(A, 20000), repeated(B, 20000), h * np.diag([q, 0.0]), h * np.eye(1), periodic=True)
+    K, _ = regulator(repeated(A, 20000), repeated(B, 20000), h * np.diag([q, 0.0]), h * np.eye(1))
     k1 = w2 + np.sqrt(w2**2 + q)
     np.testing.assert_allclose(K[0, 0], [k1, np.sqrt(2 * k1)], rtol=2e-3)
     assert multiplier(repeated(A - B @ K[0], 10)) < 1.0 < multiplier(repeated(A, 10))
-
-
-def test_single_run_minimises_its_cost():
-    """The same minimum from all torques at once, by dense least squares."""
-    rng, steps = np.random.default_rng(5), 7
-    A, B = rng.normal(size=(steps, 3, 3)), rng.normal(size=(steps, 3, 2))
-    Q, R, x0 = np.diag([1.0, 2.0, 0.5]), np.diag([0.3, 0.8]), rng.normal(size=3)
-    rows, right = [np.kron(np.eye(steps), np.sqrt(R))], [np.zeros(2 * steps)]
-    at, by = x0, np.zeros((3, 2 * steps))
-    for k in range(steps + 1):
-        rows.append(np.sqrt(Q) @ by)
-        right.append(-np.sqrt(Q) @ at)
-        if k < steps:
-            at, by = A[k] @ at, A[k] @ by
-            by[:, 2 * k : 2 * k + 2] += B[k]
-    u, residual, *_ = np.linalg.lstsq(np.vstack(rows), np.concatenate(right), rcond=None)
-    K, cost = regulator(A, B, Q, R, periodic=False)
-    x, ours = x0, []
-    for k in range(steps):
-        ours.append(-K[k] @ x)
-        x = A[k] @ x + B[k] @ ours[-1]
-    np.testing.assert_allclose(np.concatenate(ours), u, rtol=1e-8, atol=1e-10)
-    assert x0 @ cost @ x0 == pytest.approx(residual[0], rel=1e-8)
 
 
 def test_constant_system_has_the_gain_of_the_algebraic_equation_and_where_a_period_begins_does_not_matter():
     rng = np.random.default_rng(8)
     A, B, Q, R = rng.normal(size=(4, 4)), rng.normal(size=(4, 2)), np.eye(4), np.diag([1.0, 3.0])
     P = solve_discrete_are(A, B, Q, R)
-    K, cost = regulator(repeated(A, 5), repeated(B, 5), Q, R, periodic=True)
+    K, cost = regulator(repeated(A, 5), repeated(B, 5), Q, R)
     np.testing.assert_allclose(cost, P, rtol=1e-5)
     np.testing.assert_allclose(K[3], np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), rtol=1e-4, atol=1e-6)
     A, B = 1.3 * rng.normal(size=(6, 3, 3)), rng.normal(size=(6, 3, 1))
-    K, _ = regulator(A, B, np.eye(3), np.eye(1), periodic=True)
-    later, _ = regulator(np.roll(A, 2, axis=0), np.roll(B, 2, axis=0), np.eye(3), np.eye(1), periodic=True)
+    K, _ = regulator(A, B, np.eye(3), np.eye(1))
+    later, _ = regulator(np.roll(A, 2, axis=0), np.roll(B, 2, axis=0), np.eye(3), np.eye(1))
     np.testing.assert_allclose(np.roll(K, 2, axis=0), later, rtol=1e-4, atol=1e-6)
     assert multiplier(A - B @ K) < 1.0 < multiplier(A)
 
@@ -477,7 +361,7 @@ def test_constant_system_has_the_gain_of_the_algebraic_equation_and_where_a_peri
 def test_what_cannot_be_stabilised_is_told_and_multipliers_are_of_the_steps_in_their_order():
     A, B = np.diag([1.5, 0.5]), np.array([[0.0], [1.0]])
     with pytest.raises(FitError, match=r"hardly controllable|no feedback"):
-        regulator(repeated(A, 10), repeated(B, 10), np.eye(2), np.eye(1), periodic=True)
+        regulator(repeated(A, 10), repeated(B, 10), np.eye(2), np.eye(1))
     first, then = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0, 0.0], [3.0, 0.0]])
     assert multiplier(np.stack([first, then])) == pytest.approx(3.0)
     assert multiplier(np.stack([first, first])) == 0.0

@@ -23,7 +23,6 @@ from vsf_drake.analysis.tuning.resimulation.trajectory import (
     whole_motion,
 )
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.sentences import say
@@ -39,7 +38,6 @@ from vsf_drake.simulation.stepping.tree import tree_arrays
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 
 PRESCRIBED, FEEDBACK = "prescribed", "feedback"
-STRIDE, STANCE = "stride", "stance"
 TARGET_PERCENT_BW = {PRESCRIBED: 3.0, FEEDBACK: 5.0}
 """What a re-simulation may differ by (a choice): root mean square of a foot's resultant over the stride, 40 Hz."""
 CUTOFF_HZ = 40.0  # as the project filters ground reactions (McGeehan 2021, doi 10.1115/1.4050456)
@@ -52,29 +50,18 @@ FALLEN_TILT, FALLEN_M = math.radians(30.0), 0.15
 """Pelvis tilt, and its height below the solution's, at which a person is falling and no longer walking (choices)."""
 
 
-@dataclass(frozen=True)
-class ForceDifference:
-    """Root mean square over time, in percent of body weight, of a foot's ground reaction; NaN without an instant."""
-
-    fore_aft: float
-    vertical: float
-    resultant: float  # of the length of the force
-
-
 @dataclass(frozen=True, kw_only=True)
 class FeedbackUse:
     """How much a torque-driven re-simulation needed beyond the solution's torques, over the compared time.
 
     A multiplier is the largest magnitude among the eigenvalues of the linearised stride (Floquet): below 1, a small
-    disturbance dies out. None where the solution is not periodic.
+    disturbance dies out.
     """
 
     share: float  # root mean square of the feedback over that of the solution's torques, all joints together
     feedback_peak: Mapping[str, float]  # by joint, N m
-    multiplier: float | None
-    open_multiplier: float | None  # without feedback
-    hand_percent_bw: float  # root mean square of the force of a hand at the pelvis; 0 without a hand
-    hand_moment_nm: float  # the same of its moment
+    multiplier: float
+    open_multiplier: float  # without feedback
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,11 +76,8 @@ class Resimulation:
     kind: str  # "prescribed" or "feedback"
     fell_after_s: float | None  # from the run's start
     why: str
-    counted: np.ndarray  # (n,) bool, instants that are compared: not the start's transient, nothing after a fall
-    grf: Mapping[str, np.ndarray]  # by foot (n, 2) N, as the stepper gives it; NaN where not `counted`
-    filtered_grf: Mapping[str, np.ndarray]  # low-passed at 40 Hz
+    grf: Mapping[str, np.ndarray]  # by foot (n, 2) N, low-passed at 40 Hz; NaN where the run has none
     motion_rms: Mapping[str, float]  # by coordinate, deviation from the solution, deg or mm; {} if prescribed
-    lateral_percent_bw: float  # largest lateral force on a foot; the solution knows none
     unconverged_steps: int  # of the run, accepted without convergence
     feedback: FeedbackUse | None  # None if prescribed
 
@@ -106,69 +90,46 @@ class Resimulation:
         """What it is, in words."""
         return say("resimulation", "label", kind=self.kind)[0]
 
-    def check(self) -> None:
-        """Raises SimulationError if the person fell."""
+    def difference(self, foot: str) -> float:
+        """From the solution's force on a foot, "prosthetic" or "intact": root mean square over the stride, in percent
+        of body weight, of the length of the force, each instant by the time that it stands for; SimulationError where
+        the person fell. The solution is not low-passed: its instants are too far apart for that."""
         if self.fell_after_s is not None:
             raise SimulationError(f"the {self.label} fell: {self.why}", time_s=self.fell_after_s)
-
-    def difference(self, foot: str, *, over: str = STRIDE, filtered: bool = True) -> ForceDifference:
-        """From the solution's force on a foot, "prosthetic" or "intact", each instant by the time that it stands for;
-        SimulationError where the person fell.
-
-        Over "stride" all instants count, over "stance" those of them where either carries the foot (20 N). `filtered`:
-        the re-simulation is low-passed at 40 Hz; the solution never is, as its instants are too far apart for that.
-        """
-        self.check()
         weights = np.gradient(self.trajectory.time_s)
         weights[[0, -1]] *= 0.5
-        ours, theirs = (np.asarray(grf[foot], dtype=float) / self.body_weight_n for grf in (
-            self.filtered_grf if filtered else self.grf, self.trajectory.grf))
-        loaded = np.fmax(ours[:, 1], theirs[:, 1]) > THRESHOLD_N / self.body_weight_n
-        rows = self.counted & (loaded if over == STANCE else True)
-        off = np.column_stack([ours - theirs, np.linalg.norm(ours, axis=1) - np.linalg.norm(theirs, axis=1)])[rows]
-        w = weights[rows]
-        rms = np.sqrt(w @ off**2 / w.sum()) if rows.any() else np.full(3, np.nan)
-        return ForceDifference(*(100.0 * rms).tolist())
+        ours, theirs = (np.linalg.norm(grf[foot], axis=1) for grf in (self.grf, self.trajectory.grf))
+        known = np.isfinite(ours)  # a single stride's run begins one step after the first instant
+        mean_square = np.average((ours - theirs)[known] ** 2, weights=weights[known])
+        return float(100.0 * np.sqrt(mean_square) / self.body_weight_n)
 
     @property
     def percent_bw(self) -> float:
         """The number to judge by: the larger of both feet's differences of the resultant over the stride, 40 Hz."""
-        return max(self.difference(foot).resultant for foot in FEET)
+        return max(self.difference(foot) for foot in FEET)
 
     @property
     def met(self) -> bool:
-        """Whether it stayed up and within its target, without a hand's help."""
-        helped = self.feedback is not None and self.feedback.hand_percent_bw > 0.0
-        return not self.fell and not helped and self.percent_bw <= TARGET_PERCENT_BW[self.kind]
+        """Whether it stayed up and within its target."""
+        return not self.fell and self.percent_bw <= TARGET_PERCENT_BW[self.kind]
 
     def as_check(self) -> TuningCheck:
         """As one of the checks that a tuning leaves."""
         return TuningCheck(f"resimulation_{self.kind}", self.label, None if self.fell else self.percent_bw,
-                           "% body weight",
-                           f"{TARGET_PERCENT_BW[self.kind]:g}", self.met, " ".join(self.sentences()))
+                           "% body weight", f"{TARGET_PERCENT_BW[self.kind]:g}", self.met, " ".join(self.sentences()))
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What a figure of the solution shows of it, on the solution's instants: the ground reaction at 40 Hz."""
-        return {f"grf_{foot}_resimulated_{self.kind}": np.array(force) for foot, force in self.filtered_grf.items()}
+        return {f"grf_{foot}_resimulated_{self.kind}": np.array(force) for foot, force in self.grf.items()}
 
     def sentences(self) -> list[str]:
         """What it found, in words."""
-        helped, use = [], self.feedback
-        if use is not None:
-            joint, peak = max(use.feedback_peak.items(), key=lambda item: item[1])
-            helped = say("resimulation", "feedback", use=use, used=peak > 0.0 or use.hand_percent_bw > 0.0, joint=joint,
-                         peak=peak)
-        if self.fell:
-            return [*say("resimulation", "fell", run=self), *helped]
-        t, over = self.trajectory, [self.difference(foot) for foot in FEET]
         angles = [(rms, name) for name, rms in self.motion_rms.items() if not name.endswith(("_tx", "_ty"))]
-        main = say("resimulation", "found", run=self, worst=max(angles, default=None),
-                   raw=max(self.difference(foot, filtered=False).resultant for foot in FEET),
-                   stance=max(self.difference(foot, over=STANCE).resultant for foot in FEET),
-                   parts=max(max(d.fore_aft, d.vertical) for d in over))
-        standing = [] if t.periodic else [foot for foot in FEET if t.grf[foot][0, 1] > THRESHOLD_N]
-        return [*main, *helped, *say("resimulation", "notes", standing=standing,
-                                     alternation=t.alternation if t.alternation > ALTERNATES else None)]
+        peaks = self.feedback.feedback_peak if self.feedback else {}
+        joint = max(peaks, key=lambda name: peaks[name], default=None)
+        alternation = self.trajectory.alternation
+        return say("resimulation", "found", run=self, worst=max(angles, default=None), joint=joint,
+                   alternation=alternation if alternation > ALTERNATES else None)
 
 
 def _assess(
@@ -178,17 +139,16 @@ def _assess(
     """Lays a run of the mechanism of `walk`, or what there is of it, beside the solution: until `fell_s`, if that is
     given, its clock ahead of the solution's by `shift_s`, a whole number of periods."""
     time, instants = record.time_s, np.asarray(trajectory.time_s, dtype=float) + shift_s
-    first, last = trajectory.first_counted_s + shift_s, time[-1] if fell_s is None else min(fell_s, time[-1])
-    counted = (instants >= max(first, time[0]) - 1e-9) & (instants <= last + 1e-9)
-    shown = (time >= first - 1e-9) & (time <= min(instants[-1], last) + 1e-9)
+    last = time[-1] if fell_s is None else min(fell_s, time[-1])
+    counted = (instants >= time[0] - 1e-9) & (instants <= last + 1e-9)
+    shown = (time >= instants[0] - 1e-9) & (time <= min(instants[-1], last) + 1e-9)
     count, weight_n = len(walker.gait.person.foot.sites.radius), walker.subject.mass_kg * GRAVITY
-    grf_W = {foot: foot_reaction(record, sites, walk.mechanism.ground_height).grf_W
-             for foot, sites in zip(FEET, (slice(0, count), slice(count, None)), strict=True)}
-
-    def at_instants(force: np.ndarray) -> np.ndarray:
-        sampled = np.column_stack([np.interp(instants, time, column) for column in force[:, [0, 2]].T])
-        sampled[~counted] = np.nan
-        return sampled
+    grf = {}
+    for foot, sites in zip(FEET, (slice(0, count), slice(count, None)), strict=True):
+        force = low_pass(foot_reaction(record, sites, walk.mechanism.ground_height).grf_W, rate_hz=1.0 / walk.step_s,
+                         cutoff_hz=CUTOFF_HZ)
+        grf[foot] = np.column_stack([np.interp(instants, time, column) for column in force[:, [0, 2]].T])
+        grf[foot][~counted] = np.nan
 
     motion_rms = {}
     if kind == FEEDBACK:
@@ -197,25 +157,17 @@ def _assess(
         rms = np.sqrt(np.mean(deviation**2, axis=0)) if shown.any() else np.full(COORDINATES, np.nan)
         motion_rms = {name: float(value) * (1e3 if coordinate_unit(name) == "m" else 180.0 / np.pi)
                       for name, value in zip(trajectory.names, rms, strict=True)}
-    lateral = float(max(np.abs(force[shown, 1]).max(initial=0.0) for force in grf_W.values()))
     return Resimulation(
-        trajectory=trajectory, body_weight_n=weight_n, kind=kind, why=why, counted=counted, feedback=feedback,
-        fell_after_s=None if fell_s is None else fell_s - trajectory.start_s,
-        grf={foot: at_instants(force) for foot, force in grf_W.items()},
-        filtered_grf={foot: at_instants(low_pass(force, rate_hz=1.0 / walk.step_s, cutoff_hz=CUTOFF_HZ))
-                      for foot, force in grf_W.items()},
-        motion_rms=motion_rms, lateral_percent_bw=100.0 * lateral / weight_n,
+        trajectory=trajectory, body_weight_n=weight_n, kind=kind, why=why, feedback=feedback, grf=grf,
+        motion_rms=motion_rms, fell_after_s=None if fell_s is None else fell_s - trajectory.start_s,
         unconverged_steps=int(np.sum(~record.converged)))
 
 
 def resimulate_prescribed(
     walker: Walker, trajectory: SagittalTrajectory, *, step_s: float = DEFAULT_STEP_S
 ) -> Resimulation:
-    """Follows the solution's motion and compares the ground reaction; SimulationError where the model cannot follow it.
-
-    A periodic solution is walked `LEAD` of a period ahead; the whole period after that counts. Of another all but the
-    first `TRANSIENT_S` counts.
-    """
+    """Follows the solution's motion and compares the ground reaction over the period, `LEAD` of one walked ahead;
+    SimulationError where the model cannot follow it."""
     walk = walk_prescribed(walker, trajectory, step_s=step_s)
     return _assess(walker, walk, trajectory, walk.record, kind=PRESCRIBED)
 
@@ -229,19 +181,16 @@ def walk_prescribed(walker: Walker, trajectory: SagittalTrajectory, *, step_s: f
     if walker.free:
         raise InputError(f"{', '.join(walker.free)} are free", where="walker",
                          right="Give a walker that prescribes all")
-    if t.period_s is None:
-        start_s, end_s = t.start_s, t.start_s + math.ceil((t.end_s - t.start_s) / step_s - 1e-9) * step_s
-    else:
-        if 0.0 < step_s < t.period_s:
-            step_s = t.period_s / round(t.period_s / step_s)  # of which a period is a whole number
-        start_s, end_s = t.start_s - math.ceil(LEAD * t.period_s / step_s) * step_s, t.end_s + TAIL_S
+    if 0.0 < step_s < t.period_s:
+        step_s = t.period_s / round(t.period_s / step_s)  # of which a period is a whole number
+    start_s, end_s = t.start_s - math.ceil(LEAD * t.period_s / step_s) * step_s, t.end_s + TAIL_S
     motion = whole_motion(SolutionMotion(t), walker.gait.prescribed, start_s, end_s)
     return walker.walk(motion, fulcrum_m=t.fulcrum_m, start_s=start_s, end_s=end_s, step_s=step_s, values=t.values,
                        offsets=t.offsets)
 
 
 def resimulate_with_feedback(
-    walker: Walker, trajectory: SagittalTrajectory, *, strides: int = 2, feedback: bool = True, hand: bool = False,
+    walker: Walker, trajectory: SagittalTrajectory, *, strides: int = 2, feedback: bool = True,
     push: np.ndarray | None = None, step_s: float = DEFAULT_STEP_S
 ) -> Resimulation:
     """Drives the five joints with the solution's torques and a feedback of the eight coordinates and their rates.
@@ -252,15 +201,12 @@ def resimulate_with_feedback(
     in the state of that walk at the solution's start.
 
     Args:
-        strides: of a periodic solution, of which the last is compared; another runs once.
-        feedback: False for the torques alone.
-        hand: whether a force and a moment at the pelvis may help, which is not walking; what they come to is reported.
+        strides: how many, of which the last is compared. feedback: False for the torques alone.
         push: (8,) rad/s, m/s, by which the velocities at the start are off, to see whether the feedback copes.
 
     SimulationError: the model cannot follow the motion even where it is prescribed. FitError: no feedback stabilises
     the linearised stride.
     """
-    strides, period = strides if trajectory.periodic else 1, trajectory.period_s
     walk = walk_prescribed(walker, trajectory, step_s=step_s)
     record, h = walk.record, walk.step_s
     times = np.concatenate([[record.time_s[0] - h], record.time_s])
@@ -270,19 +216,18 @@ def resimulate_with_feedback(
 
     # Gains on the whole state x, in which socket and keel follow the eight as `LinearSteps.whole` expects them to.
     steps = linear_steps(walk, trajectory.names, first, last)
-    gains = np.zeros((last - first, COORDINATES, 2 * COORDINATES))  # N m or N per rad, m, rad/s, m/s
+    joints = slice(len(PELVIS), None)
+    gains = np.zeros((last - first, COORDINATES, 2 * COORDINATES))  # N m per rad, m, rad/s, m/s
     if feedback:
-        acting, Q = np.arange(0 if hand else len(PELVIS), COORDINATES), np.zeros((steps.A.shape[1],) * 2)
+        Q = np.zeros((steps.A.shape[1],) * 2)
         Q[steps.person, steps.person] = h / STATE**2
-        K, _ = regulator(steps.A, steps.B[:, :, acting], Q, np.diag(h / FORCE[acting] ** 2),
-                         periodic=trajectory.periodic)
-        gains[:, acting] = K @ steps.whole
+        K, _ = regulator(steps.A, steps.B[:, :, joints], Q, h / TORQUE_NM**2 * np.eye(COORDINATES - len(PELVIS)))
+        gains[:, joints] = K @ steps.whole
 
     # Stride after stride with the same gains; states to compare with move on by one advance each.
-    turns, k = np.divmod(np.arange(strides * len(gains) + (int(np.ceil(TAIL_S / h)) if period else 0)), len(gains))
+    turns, k = np.divmod(np.arange(strides * len(gains) + int(np.ceil(TAIL_S / h))), len(gains))
     states = np.hstack([q[first : last + 1, columns], v[first : last + 1, columns]])[k]
-    if trajectory.advance is not None:
-        states[:, :COORDINATES] += np.outer(turns, trajectory.advance)
+    states[:, :COORDINATES] += np.outer(turns, trajectory.advance)
     time_s, v0 = trajectory.start_s + h * np.arange(len(k) + 1), v[first].copy()
     v0[columns] += 0.0 if push is None else push
     feedforward = SolutionMotion(trajectory).loads(time_s[:-1] + 0.5 * h)
@@ -290,23 +235,18 @@ def resimulate_with_feedback(
                    q0=q[first].copy(), v0=v0)
 
     # What the feedback did over the compared stride, and what the closed loop makes of a small disturbance in one.
-    shift_s = 0.0
-    if period is not None:  # of the last stride, or of the one in which the person fell
-        fallen = strides - 1 if driven.fell_s is None else int((driven.fell_s - trajectory.start_s) // period)
-        shift_s = min(fallen, strides - 1) * period
+    fallen = strides if driven.fell_s is None else int((driven.fell_s - trajectory.start_s) // trajectory.period_s)
+    shift_s = min(fallen, strides - 1) * trajectory.period_s
     closed, run = steps.A.copy(), driven.record.time_s
     closed[:, :, steps.person] -= steps.B @ gains
-    rows = (run >= trajectory.first_counted_s + shift_s - 1e-9) & (run <= trajectory.end_s + shift_s + 1e-9)
+    rows = (run >= trajectory.start_s + shift_s - 1e-9) & (run <= trajectory.end_s + shift_s + 1e-9)
     rows = rows if rows.any() else np.ones_like(rows)
-    used, joints = driven.feedback[rows], slice(len(PELVIS), None)
-    used_rms, forward = (np.sqrt(np.mean(loads**2, axis=0)) for loads in (used, feedforward[: len(run)][rows]))
-    whole = float(np.linalg.norm(forward[joints]))
+    used = driven.feedback[rows][:, joints]
+    whole = float(np.linalg.norm(feedforward[: len(run)][rows][:, joints]))
     use = FeedbackUse(
-        share=float(np.linalg.norm(used_rms[joints])) / whole if whole else math.inf,
-        feedback_peak=dict(zip(trajectory.names[joints], np.abs(used[:, joints]).max(axis=0).tolist(), strict=True)),
-        multiplier=multiplier(closed) if period else None, open_multiplier=multiplier(steps.A) if period else None,
-        hand_percent_bw=100.0 * float(np.hypot(used_rms[1], used_rms[2])) / (walker.subject.mass_kg * GRAVITY),
-        hand_moment_nm=float(used_rms[0]))
+        share=float(np.linalg.norm(used)) / whole if whole else math.inf,
+        feedback_peak=dict(zip(trajectory.names[joints], np.abs(used).max(axis=0).tolist(), strict=True)),
+        multiplier=multiplier(closed), open_multiplier=multiplier(steps.A))
     return _assess(walker, walk, trajectory, driven.record, kind=FEEDBACK, shift_s=shift_s, fell_s=driven.fell_s,
                    why=driven.why, feedback=use)
 
@@ -388,21 +328,21 @@ REPEATS_WITHIN = 1e-6
 """Relative change of the cost-to-go from one period to the next at which the gains count as periodic."""
 STATE = np.array([
     math.radians(5.0), 0.1, 0.05, *[math.radians(10.0)] * 5, math.radians(60.0), 0.3, 0.3, *[math.radians(200.0)] * 5])
-FORCE = np.array([10.0, 20.0, 20.0, *[20.0] * 5])
-"""Deviations (rad, m, then rad/s, m/s) and loads (of a hand at the pelvis, then of the five joints; N m, N) that weigh
-alike, in the order of the sagittal coordinates (Bryson's rule: each is divided by its largest acceptable value). They
-are choices. With a torque of 20 N m a stride of the embedded subject recovers from a push of 0.2 m/s; with 40 N m it
-follows a tracked stride more closely (1.9 against 2.9 % of body weight), but does not recover from 0.1."""
+TORQUE_NM = 20.0
+"""Deviations (rad, m, then rad/s, m/s, in the order of the sagittal coordinates) and the torque of any joint that weigh
+alike (Bryson's rule: each is divided by its largest acceptable value). They are choices. With a torque of 20 N m a
+stride of the embedded subject recovers from a push of 0.2 m/s; with 40 N m it follows a tracked stride more closely
+(1.9 against 2.9 % of body weight), but does not recover from 0.1."""
 
 
 def regulator(
-    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, *, periodic: bool
+    A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gains K (N, m, n) and the cost-to-go (n, n) at the first step, of A (N, n, n), B (N, n, m), and Q, R that are the
-    same at every step; the last step is followed by the first (`periodic`), or by nothing, at a cost of Q. FitError
-    where no feedback keeps the cost of a periodic system finite, or it does not settle."""
+    same at every step; the last step is followed by the first. FitError where no feedback keeps the cost finite, or it
+    does not settle."""
     P, K = Q.copy(), np.zeros((len(A), B.shape[2], A.shape[1]))
-    for _ in range(MOST_PERIODS if periodic else 1):
+    for _ in range(MOST_PERIODS):
         before = P
         for k in range(len(A) - 1, -1, -1):
             # K = (R + B'PB)^-1 B'PA, P = Q + A'P(A - BK)
@@ -412,7 +352,7 @@ def regulator(
             P = 0.5 * (P + P.T)
         if not np.isfinite(P).all():
             raise FitError("no feedback stabilises the linearised stride: its cost grows without bound")
-        if not periodic or np.abs(P - before).max() <= REPEATS_WITHIN * np.abs(P).max():
+        if np.abs(P - before).max() <= REPEATS_WITHIN * np.abs(P).max():
             return K, P
     raise FitError(f"the feedback's gains still change after {MOST_PERIODS} periods: the stride is hardly controllable")
 

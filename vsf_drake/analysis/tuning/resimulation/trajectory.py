@@ -18,7 +18,6 @@ from vsf_drake.simulation.walk import Walker
 PELVIS = ("pelvis_tilt", "pelvis_tx", "pelvis_ty")
 FEET = ("prosthetic", "intact")
 COORDINATES = 8
-TRANSIENT_S = 0.03  # after the start of a motion without a period, which is not compared (a choice)
 SAMPLE_S, BEYOND_S = 1e-3, 0.01
 """Between the samples of the motion that a walk is given, the walk's usual step; and by how much they reach over the
 ends of a walk: a spline's ends are less exact."""
@@ -26,25 +25,23 @@ ends of a walk: a spline's ends are less exact."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SagittalTrajectory:
-    """Motion, torques and ground reaction of a sagittal solution at n instants; SI, radians, signs of the plant."""
+    """Motion, torques and ground reaction of a sagittal stride at n instants; SI, radians, signs of the plant.
 
-    time_s: np.ndarray  # (n,), n >= 3, increasing; of a periodic one from the start of the period to its end
+    It repeats: q(t + period_s) = q(t) + advance.
+    """
+
+    time_s: np.ndarray  # (n,), n >= 3, increasing, from the start of the period to its end
     names: tuple[str, ...]  # of the coordinates (`simulation.sagittal.model.sagittal_coordinates`)
     q: np.ndarray  # (n, 8) coordinates; below their first and second derivatives
     v: np.ndarray
     a: np.ndarray
     torque: np.ndarray  # (n, 5) on the last five, as loads of a driver: positive increases the coordinate
     grf: Mapping[str, np.ndarray]  # by "prosthetic" and "intact" (n, 2), fx forward and fz up, of the ground, in W
+    advance: np.ndarray  # (8,)
     fulcrum_m: float  # from the keel's posterior end
-    period_s: float | None = None  # of a periodic one q(t + period_s) = q(t) + advance (8,); None for a single stance
-    advance: np.ndarray | None = None
     values: Mapping[str, float] = field(default_factory=dict)  # of the walk's variables, see `design_values`
     offsets: GeometricOffsets = GeometricOffsets()  # noqa: RUF009 (frozen: one default can serve all)
     pelvis_load: np.ndarray | None = None  # (n, 3) on the first three: a recording's residual, an aid; None in walking
-
-    @property
-    def periodic(self) -> bool:
-        return self.period_s is not None
 
     @property
     def start_s(self) -> float:
@@ -55,9 +52,8 @@ class SagittalTrajectory:
         return float(self.time_s[-1])
 
     @property
-    def first_counted_s(self) -> float:
-        """From where on a run is compared: without a period keel and socket begin at rest."""
-        return self.start_s + (0.0 if self.periodic else TRANSIENT_S)
+    def period_s(self) -> float:
+        return self.end_s - self.start_s
 
     @property
     def alternation(self) -> float:
@@ -71,10 +67,7 @@ class SagittalTrajectory:
 
 class SolutionMotion:
     """q, v, a at any time of a `SagittalTrajectory`: the quintic through position, velocity and acceleration of both
-    ends of each interval (Hermite), of which a periodic trajectory is made of without end.
-
-    Beyond the ends of one that is not periodic the acceleration stays what it was there.
-    """
+    ends of each interval (Hermite), period after period."""
 
     def __init__(self, trajectory: SagittalTrajectory) -> None:
         self.trajectory = t = trajectory
@@ -82,29 +75,21 @@ class SolutionMotion:
         self._splines = (spline, spline.derivative(1), spline.derivative(2))
         pelvis = np.zeros((len(t.time_s), 3)) if t.pelvis_load is None else np.asarray(t.pelvis_load)
         loads = np.column_stack([pelvis, t.torque])
-        if t.periodic:
-            # The end of a period is the start of the next one: their mean stands for both.
-            loads[0] = loads[-1] = 0.5 * (loads[0] + loads[-1])
-        self._loads = CubicSpline(t.time_s, loads, bc_type="periodic" if t.periodic else "not-a-knot")
+        # The end of a period is the start of the next one: their mean stands for both.
+        loads[0] = loads[-1] = 0.5 * (loads[0] + loads[-1])
+        self._loads = CubicSpline(t.time_s, loads, bc_type="periodic")
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(m, 8) positions, velocities and accelerations at m times."""
         t, times = self.trajectory, np.asarray(times, dtype=float)
-        turns = np.zeros(len(times)) if t.period_s is None else np.floor((times - t.start_s) / t.period_s)
-        inside = np.clip(times - turns * (t.period_s or 0.0), t.start_s, t.end_s)
-        q, v, a = (spline(inside) for spline in self._splines)
-        if t.advance is not None:
-            return q + turns[:, None] * t.advance, v, a
-        out = (times - inside)[:, None]
-        return q + out * v + 0.5 * out**2 * a, v + out * a, a
+        turns = np.floor((times - t.start_s) / t.period_s)
+        q, v, a = (spline(np.clip(times - turns * t.period_s, t.start_s, t.end_s)) for spline in self._splines)
+        return q + turns[:, None] * t.advance, v, a
 
     def loads(self, times: np.ndarray) -> np.ndarray:
         """(m, 8) N, N m: what acts on the coordinates, by cubic splines through the instants: on the pelvis the known
-        load (nothing without), on the others the torques. Constant beyond the ends of what is not periodic."""
-        t, times = self.trajectory, np.asarray(times, dtype=float)
-        inside = np.clip(times, t.start_s, t.end_s) if t.period_s is None else (
-            t.start_s + np.mod(times - t.start_s, t.period_s))
-        return np.asarray(self._loads(inside))
+        load (nothing without), on the others the torques."""
+        return np.asarray(self._loads(times))
 
 
 def whole_motion(motion: SolutionMotion, names: Sequence[str], start_s: float, end_s: float) -> CoordinateTrajectory:
@@ -143,8 +128,8 @@ def solved_trajectory(
     layout, grid, names = problem.layout, problem.grid, list(outputs)
 
     def closed(rows: np.ndarray, further: np.ndarray | float = 0.0) -> np.ndarray:
-        """Of a period, whose instants are without its end, with that."""
-        return np.concatenate([rows, rows[:1] + further]) if grid.periodic else np.array(rows)
+        """With the end of the period, which is no instant of its own."""
+        return np.concatenate([rows, rows[:1] + further])
 
     def columns(*wanted: str) -> np.ndarray:
         return closed(y[:, [names.index(name) for name in wanted]])
@@ -155,6 +140,6 @@ def solved_trajectory(
     return SagittalTrajectory(
         time_s=closed(grid.times_s, grid.duration_s), names=coordinates, q=closed(q, problem.advance), v=closed(v),
         a=closed(a), torque=columns(*(f"torque_{name}" for name in coordinates[len(PELVIS):])),
-        period_s=grid.duration_s if grid.periodic else None, advance=problem.advance if grid.periodic else None,
-        grf={foot: columns(f"{foot}_fx", f"{foot}_fz") for foot in FEET}, fulcrum_m=design.pop("fulcrum_m"),
+        advance=problem.advance, fulcrum_m=design.pop("fulcrum_m"),
+        grf={foot: columns(f"{foot}_fx", f"{foot}_fz") for foot in FEET},
         values=design_values(walker, **design), offsets=offsets or GeometricOffsets())
