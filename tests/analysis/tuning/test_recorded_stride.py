@@ -24,7 +24,7 @@ from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 
-KINDS = (("laboratory", "medium_1"), ("laboratory", "low_1"), ("laboratory", "high_1"), ("exact", "medium_1"))
+KINDS = (("laboratory", "medium_1"), ("exact", "high_1"))
 
 
 def embedded(tier, name):
@@ -113,10 +113,9 @@ def test_a_walk_that_is_sagittal_and_periodic_comes_back(planar, known_period, m
     assert np.degrees(difference[[0, 3, 4, 5, 6, 7]]).max() < 0.1
     assert difference[1:3].max() < 3e-4
     assert stride.advance_m == pytest.approx(source.advance_m, abs=3e-4)
-    assert stride.errors["place.prosthetic_foot_up_mm"] < 0.02
+    assert stride.errors["prosthetic_foot_up_mm"] < 0.02
     for foot in ("prosthetic", "intact"):
         np.testing.assert_allclose(stride.measured(foot, t)[0][:, :2], source.measured(foot, t)[0][:, :2], atol=15.0)
-    assert stride.errors["parts.intact_overlap_s"] > 0.3 and stride.errors["parts.intact_up_n"] < 1.0
 
 
 def test_the_period_of_a_periodic_walk_is_found_from_its_two_ends(planar):

@@ -275,8 +275,6 @@ class FootForce:
     cop: np.ndarray  # (g,) m along the way, less `advance_m` t / period; NaN where not known or not loaded
     period_s: float
     advance_m: float  # see `RecordedStride`
-    parts_differ: tuple[float, float]  # RMS (N) between two recordings of one instant under load, or NaN
-    parts_overlap_s: float  # for how long there are
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `RecordedStride.measured`. Where the foot is not loaded, the moment of what little force there is is that
@@ -338,8 +336,7 @@ def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span
     on = carried.sum(axis=0) > 0.0
     cop = np.where(on, np.sum(carried * np.nan_to_num(c), axis=0) / np.where(on, carried.sum(axis=0), 1.0), np.nan)
     force[-1], cop[-1] = force[0], cop[0]
-    differ, overlap = _parts(seen, f)
-    return FootForce(grid, force, cop, period_s, advance_m, differ, overlap * period_s / count)
+    return FootForce(grid, force, cop, period_s, advance_m)
 
 
 def _places(plate: PlateRecording, forward: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -358,16 +355,3 @@ def _held(cop: np.ndarray) -> np.ndarray:
         return cop
     gap = np.abs(known - np.arange(len(cop))[:, None])
     return np.asarray(cop[known[np.argmin(gap, axis=1)]])
-
-
-def _parts(seen: np.ndarray, f: np.ndarray) -> tuple[tuple[float, float], int]:
-    """RMS between two recordings of one instant while the foot is loaded in either, and at how many instants."""
-    both = seen.sum(axis=0) > 1
-    mean = np.sum(f * seen[:, :, None], axis=0) / np.maximum(seen.sum(axis=0), 1)[:, None]
-    both &= mean[:, 1] > THRESHOLD_N
-    if not both.any():
-        return (float("nan"), float("nan")), 0
-    spread = np.sum(np.where(seen[:, both, None], f[:, both] - mean[both], 0.0) ** 2, axis=0)
-    spread *= 2.0 / (seen[:, both].sum(axis=0) - 1)[:, None]
-    x, z = np.sqrt(np.mean(spread, axis=0))
-    return (float(x), float(z)), int(both.sum())

@@ -54,7 +54,7 @@ class RecordedStride:
     intact_stance: Span | None  # None where unknown
     forward: np.ndarray  # (2,) the way of walking in the laboratory's floor
     chain: SagittalChain  # the sagittal model's geometry
-    errors: dict[str, float]  # numbers by name with their unit at the end, see below
+    errors: dict[str, float]  # see `_errors`
     notes: tuple[str, ...]  # what was done and how well it fits, in sentences
 
     def sample(self, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -134,16 +134,16 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     forces = forces_with(advance)
 
     # How well that went, in numbers and in words.
+    final = curves.sample(t)[0]
+    turned = {name: _rms(np.degrees(final[:, c] - recorded[:, c]), weights) for c, name in enumerate(names)
+              if name not in ("pelvis_tx", "pelvis_ty")}
+    worst = max(turned, key=lambda name: turned[name])
     standing = {"prosthetic": _within(t, prosthetic, T), "intact": _within(t, intact, T)}
-    final, off = curves.sample(t)[0], np.degrees(periodic.changes(time[inside], projected, T))
-    turns = [c for c, name in enumerate(names) if name not in ("pelvis_tx", "pelvis_ty")]
-    errors = _place_errors(chain, final, wanted, chain.near_floor(wanted, points.ground), weights, standing)
-    errors |= {f"angle.{names[c]}_deg": _rms(np.degrees(final[:, c] - recorded[:, c]), weights) for c in turns}
-    errors |= {f"closing.{names[c]}_deg": _rms(off[:, c]) for c in turns if len(off)}
-    errors |= force_errors(chain, curves, path, forces, mass)
+    errors = _errors(chain, final, wanted, chain.near_floor(wanted, points.ground), weights, standing)
+    errors |= {"angle_deg": turned[worst]} | _force_errors(chain, curves, forces, mass)
     notes = say("stride", "recorded", period_s=T, by=method, advance_m=advance, prosthetic=how_p, intact=how_i,
                 follows_plates=target is not path, converged=closed and converged, shift=shift, errors=errors,
-                **{name: _worst(errors, f"{name}.") for name in ("angle", "closing")})
+                worst=worst)
     return RecordedStride(
         names=names, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,
         prosthetic_stance=prosthetic, intact_stance=intact, forward=forward, chain=chain, errors=errors,
@@ -173,75 +173,41 @@ def _along(motion: CoordinateTrajectory, names: tuple[str, ...], points: BodyPoi
     return recorded
 
 
-# How well a sagittal stride tells what was recorded: numbers by name, the unit at the end of each name.
-#
-#     place.*       where the final curves put a point against where the 3-D model has it, seen from the side; RMS
-#                   over the recorded instants. For a foot, in its stance: the mean over its spheres near the floor,
-#                   each by its nearness, while there are any; a constant that the pelvis was moved by is in it
-#     angle.*       the final curves less the recorded angles of the 3-D motion, RMS
-#     closing.*     the projection at one end of the recording less that at the other, one stride apart, RMS
-#     force.*       m (g + a) of the centre of mass, the sagittal model's or the recorded 3-D motion's own, less the
-#                   forces of both feet, where both are known, RMS in body weights; balance: the mean of the plates'
-#                   forces over the stride in body weights (less 1 upward), and of their moment about the sagittal
-#                   model's centre of mass, about y; all are zero for a stride that repeats
-#     parts.*       between two recordings of the same instant of a foot's force, RMS
+# How well a sagittal stride tells what was recorded.
 
 
 STEP_S = 0.002
 ON_FLOOR = 0.5  # spheres' worth of nearness to the floor from which on a foot is said to be on it
 
 
-def _place_errors(chain: SagittalChain, final: np.ndarray, wanted: np.ndarray, share: np.ndarray, weights: np.ndarray,
-                  standing: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """`place.*` of final coordinates (n, 8), with weights (n,) of the instants and (n, k) nearness to the floor."""
-    off = 1e3 * (chain.points(final) - wanted)
+def _errors(chain: SagittalChain, final: np.ndarray, wanted: np.ndarray, share: np.ndarray, weights: np.ndarray,
+            standing: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """Height of the feet, each in its stance, and of the centre of mass at final coordinates (n, 8) against those
+    wanted (n, k), RMS with weights (n,); a foot's is the mean of its spheres by their nearness (n, k) to the floor."""
+    off = 1e3 * (chain.points(final) - wanted).imag
     errors: dict[str, float] = {}
     for s, foot in FEET.items():
         rows = chain.rows(f"sphere {s}")
         near = share[:, rows].sum(axis=1)
         mean = (share[:, rows] * off[:, rows]).sum(axis=1) / np.maximum(near, 1e-9)
-        errors[f"place.{foot}_foot_up_mm"] = _rms(mean.imag, weights * (near > ON_FLOOR) * standing[foot])
-    errors["place.mass_center_up_mm"] = _rms((off @ chain.mass / chain.mass.sum()).imag, weights)
+        errors[f"{foot}_foot_up_mm"] = _rms(mean, weights * (near > ON_FLOOR) * standing[foot])
+    errors["mass_center_up_mm"] = _rms(off @ chain.mass / chain.mass.sum(), weights)
     return errors
 
 
-def force_errors(chain: SagittalChain, curves: PeriodicCurves, path: PeriodicCurves, forces: Mapping[str, FootForce],
-                 mass_kg: float) -> dict[str, float]:
-    """`parts.*` and `force.*`; a balance only where both feet's forces are known throughout the stride. The values of
-    `path` are the acceleration (., 2) of the recorded motion's own centre of mass, m/s^2."""
-    errors: dict[str, float] = {}
-    for foot, force in forces.items():
-        if force.parts_overlap_s > 0.0:
-            errors[f"parts.{foot}_overlap_s"] = force.parts_overlap_s
-            errors[f"parts.{foot}_along_n"], errors[f"parts.{foot}_up_n"] = force.parts_differ
-    if len(forces) < len(FEET):
-        return errors
+def _force_errors(chain: SagittalChain, curves: PeriodicCurves, forces: Mapping[str, FootForce],
+                  mass_kg: float) -> dict[str, float]:
+    """m (g + a) of the sagittal centre of mass less both feet's forces, in body weights, RMS where both are known."""
     T = curves.period_s
     times = np.linspace(0.0, T, max(8, round(T / STEP_S)) + 1)
-    both = np.sum([force.sample(times)[0] for force in forces.values()], axis=0)
     center = chain.mass_center(curves.sample(times)[0])
     inner = (center[2:] - 2.0 * center[1:-1] + center[:-2]) / (times[1] - times[0]) ** 2
-    total = both[:, :2] / (mass_kg * GRAVITY)
-    known = np.isfinite(total).all(axis=1)
-    for of, acceleration in (("sagittal", np.concatenate([inner[:1], inner, inner[-1:]])),
-                             ("recorded", path.sample(times)[0] @ [1.0, 1j])):
-        needed = acceleration[known] / GRAVITY + 1j
-        if known.any():
-            errors[f"force.{of}_along_bw"] = _rms(needed.real - total[known, 0])
-            errors[f"force.{of}_up_bw"] = _rms(needed.imag - total[known, 1])
-    if known.all():
-        along, up = (float(np.trapezoid(column, times)) / T for column in total.T)
-        errors["force.balance_along_bw"], errors["force.balance_up_bw"] = along, up - 1.0
-    about_center = both[:, 2] - (center.imag * both[:, 0] - center.real * both[:, 1])
-    if np.isfinite(about_center).all():
-        errors["force.balance_moment_nm"] = float(np.trapezoid(about_center, times) / T)
-    return errors
-
-
-def _worst(errors: Mapping[str, float], start: str) -> tuple[str, float] | None:
-    """The angle whose error, of those whose name begins so, is largest, and that, deg."""
-    error, name = max(((value, name) for name, value in errors.items() if name.startswith(start)), default=(0.0, None))
-    return None if name is None else (name.removeprefix(start).removesuffix("_deg"), error)
+    needed = np.concatenate([inner[:1], inner, inner[-1:]]) / GRAVITY + 1j
+    both = np.sum([force.sample(times)[0] for force in forces.values()], axis=0) / (mass_kg * GRAVITY)
+    if len(forces) < len(FEET) or not (known := np.isfinite(both[:, :2]).all(axis=1)).any():
+        return {}
+    return {"force_along_bw": _rms((needed.real - both[:, 0])[known]),
+            "force_up_bw": _rms((needed.imag - both[:, 1])[known])}
 
 
 def _rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
