@@ -412,7 +412,7 @@ def test_springs_and_servos_are_linear_in_symbols_and_what_has_no_symbolic_form_
     force = Polynomial(symbolic.GetOutputPort("servo").Eval(context)[1], x)
     assert force.TotalDegree() == 1
     assert force.Evaluate(dict(zip(x, [0.0, 0.1, 0.0, 2.0], strict=True))) == pytest.approx(7.0 * 0.2 - 0.5 * 2.0)
-    with pytest.raises(InputError, match=r"vsf_forces \(FootForces\): it chooses between branches.*ToAutoDiffXd"):
+    with pytest.raises(InputError, match=r"vsf_forces .*ToAutoDiffXd"):
         to_symbolic(loose_foot().diagram)
     builder = DiagramBuilder()
     builder.AddSystem(FirstOrderLowPassFilter(0.1))

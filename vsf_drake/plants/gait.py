@@ -30,27 +30,10 @@ class GaitDiagram:
     .. pydrake_system::
 
         name: Gait
-        input_ports:
-        - fulcrum_position
-        - desired_state
-        output_ports:
-        - grf
-        - cop
-        - free_moment
-        - normal_force
-        - depth
-        - friction_force
-        - intact_grf
-        - intact_cop
-        - intact_free_moment
-        - intact_normal_force
-        - intact_depth
-        - intact_friction_force
-        - state
-        - support_force
-        - joint_moment
-        - socket_wrench
-        - driver_force
+        input_ports: [fulcrum_position, desired_state]
+        output_ports: [grf, cop, free_moment, normal_force, depth, friction_force, intact_grf, intact_cop,
+          intact_free_moment, intact_normal_force, intact_depth, intact_friction_force, state, support_force,
+          joint_moment, socket_wrench, driver_force]
 
     Inputs: fulcrum_position (1, m from A); desired_state (2 p: positions, then velocities of the prescribed
     coordinates).

@@ -165,19 +165,12 @@ def to_symbolic(diagram: Diagram) -> Diagram:
     """Converts `diagram` to symbolic expressions (`pydrake.symbolic.Expression`), as its `ToSymbolic` does.
 
     The keel's springs, servos and commands, which are linear, have a symbolic form, as Drake's MultibodyPlant has; what
-    stands on the ground has none, and InputError names it. For derivatives of a whole diagram take `ToAutoDiffXd`.
+    chooses between branches of its law by the size of its inputs, as all on the ground, has none: InputError names it.
     """
-    converted: Any = diagram.ToSymbolicMaybe()
-    if converted is not None:
-        symbolic: Diagram = converted
-        return symbolic
-    reasons, systems = [], list(diagram.GetSystems())
-    while systems:
-        system = systems.pop(0)
-        if isinstance(system, Diagram):
-            systems = [*system.GetSystems(), *systems]
-        elif system.ToSymbolicMaybe() is None:
-            reasons.append(f"{system.GetSystemPathname()} ({type(system).__name__.split('_')[0]}): "
-                           f"{getattr(system, 'why_not_symbolic', 'its type has no symbolic form')}")
-    raise InputError("has no symbolic form, for " + "; ".join(reasons), where=diagram.get_name() or "diagram",
-                     right="Take diagram.ToAutoDiffXd() for derivatives, or convert the part without these systems")
+    try:
+        converted: Any = diagram.ToSymbolic()
+    except RuntimeError as error:
+        raise InputError(f"has no symbolic form: {error}", where=diagram.get_name() or "diagram",
+                         right="Take diagram.ToAutoDiffXd() for derivatives, or convert the part without it") from error
+    symbolic: Diagram = converted
+    return symbolic

@@ -4,10 +4,8 @@ Drake keeps a system's callbacks in C++, where Python's garbage collector does n
 bound method, or a lambda that names `self`, would keep it for ever (RobotLocomotion/drake#22515, #24162). So callbacks
 here refer to their system weakly; whoever owns the diagram keeps the system.
 
-A port refers to its system and the system to its ports. pydrake stores that where the collector sees it, in the
-attribute PEERS; but with pydrake 1.51 under Python 3.11 the `__dict__` of a Python class under a pybind11 class is
-counted twice (`gc.get_referents` shows it), and what is in it is then never freed. So PEERS and what holds the ports
-are slots. If pydrake renames its attribute, systems live longer than they should, and nothing else happens.
+With pydrake 1.51 under Python 3.11 the `__dict__` of a Python class under a pybind11 class is counted twice, and what
+is in it is never freed. So what holds the ports, PEERS of pydrake and our own, are slots.
 """
 
 from __future__ import annotations
@@ -58,7 +56,6 @@ FARTHEST_M = 10.0
 
 
 def _of(schema: type, before: str = "", **names: str) -> dict[str, tuple[str, float, float]]:
-    """Bounds of the parameters name=field as the schema has them; without names of all, with `before` before theirs."""
     metadata = {field.name: field.metadata for field in fields(schema)}
     return {name: (metadata[field]["unit"], metadata[field]["low"], metadata[field]["high"])
             for name, field in (names or {f"{before}{field}": field for field in metadata}).items()}
@@ -88,9 +85,8 @@ BOUNDS: dict[str, tuple[str, float, float]] = {
     **_positive("N", "unload_force", "load_force"), **_positive("rad/s", "swing_rate", "stop_rate"),
     "least_lean": ("rad", -math.pi, math.pi), **_positive("s", "debounce", "least_stance"),
 }
-"""Unit, least and largest value of every parameter in a Context: what the schemas say where they have it (a slope is at
-most 45 degrees, a patch's stiffness at least 1 N/m), else what its law bears. Keel, fulcrum and socket have joint_,
-fulcrum_ and socket_ before the names of their own systems."""
+"""Unit, least and largest value of every parameter in a Context: the schemas' where they have it, else what its law
+bears. Keel, fulcrum and socket have joint_, fulcrum_ and socket_ before the names of their own systems."""
 
 
 if TYPE_CHECKING:
@@ -104,21 +100,16 @@ R = TypeVar("R")
 class System(_Leaf):
     """A system whose physical constants are numeric parameters in the Context, for any scalar type.
 
-    Each named constant is one numeric parameter group, stored row by row. Values can so be changed without rebuilding
-    the diagram, and differ between Contexts. A scalar stands for an array of equal values.
-
-    `__init__` takes keywords only and is called once LeafSystem's own has been; a copy for another scalar type is made
-    of the same keywords.
+    Each named constant is one numeric parameter group, stored row by row; a scalar stands for an array of equal values.
+    `__init__` takes keywords only; a copy for another scalar type is made of the same.
 
     Attributes:
         parameter_index: name of each constant -> index of its numeric parameter group.
         template: of the classes for all scalar types.
-        why_not_symbolic: what `plants.to_symbolic` says of a system that has no form in symbolic expressions.
     """
 
     parameter_index: dict[str, int]
     template: ClassVar[TemplateSystem]
-    why_not_symbolic = "it chooses between branches of its law by the size of its inputs, which an expression has not"
     _T: type[Any]  # the scalar type
     _arguments: dict[str, Any]
     _ports: dict[str, InputPort]
@@ -126,7 +117,6 @@ class System(_Leaf):
     _constants: Callable[[Context], dict[str, np.ndarray]]
 
     def _arguments_for(self, T: type) -> dict[str, Any]:
-        """What a copy for scalar type T is made of."""
         return self._arguments
 
     @property
@@ -136,23 +126,21 @@ class System(_Leaf):
 
     def GetParameter(self, context: Context, name: str) -> np.ndarray:
         """Value of the constant `name` in this system's `context`, a copy in the shape it was declared with."""
-        self._check_own(context)
-        self._index_of(name)
+        self._check_known(context, name)
         return np.array(self._constants(context)[name])
 
     def SetParameters(self, context: Context, **values: Any) -> None:
-        """Sets constants by name in this system's `context`; a scalar fills a whole array.
-
-        What is out of bounds is refused where the system is evaluated next, as what is written into the Context itself.
+        """Sets constants by name in this system's `context`; a scalar fills a whole array. What is out of bounds is
+        refused where the system is evaluated next.
 
         Raises:
             ValueError: there is no constant of that name, or the value does not fit its shape or is no finite number.
             InputError: the Context is another system's, such as the whole diagram's. Nothing has been set then.
         """
-        self._check_own(context)
+        self._check_known(context, *values)
         checked = {}
         for name, value in values.items():
-            index, shape = self._index_of(name), self._shapes[name]
+            index, shape = self.parameter_index[name], self._shapes[name]
             try:
                 vector = checked[index] = np.broadcast_to(value, shape).ravel()
             except ValueError:
@@ -164,22 +152,20 @@ class System(_Leaf):
         for index, vector in checked.items():
             context.get_mutable_numeric_parameter(index).SetFromVector(vector)
 
-    def _check_own(self, context: Context) -> None:
+    def _check_known(self, context: Context, *names: str) -> None:
         """The numeric parameters of a diagram are numbered on; those of another system would be changed unseen."""
         try:
             self.ValidateContext(context)
         except (RuntimeError, TypeError):
             raise InputError("belongs to another system than this", where=f"context of {self.get_name()!r}",
                              right="Take system.GetMyMutableContextFromRoot(root_context)") from None
-
-    def _index_of(self, name: str) -> int:
-        if name not in self.parameter_index:
-            raise ValueError(f"there is no parameter {name!r}; known are {', '.join(self.parameter_index)}")
-        return self.parameter_index[name]
+        for name in names:
+            if name not in self.parameter_index:
+                raise ValueError(f"there is no parameter {name!r}; known are {', '.join(self.parameter_index)}")
 
     def _declare_parameters(self, of: str = "", /, **constants: tuple[Any, tuple[int, ...]]) -> None:
-        """Declares name=(value, shape); in BOUNDS `of` is before the names. `self._constants(context)` has all of them
-        by name, scalars as scalars, read and checked once per change of one."""
+        """Declares name=(value, shape); in BOUNDS `of` is before the names. `self._constants(context)` reads and checks
+        them."""
         self._bounds = {name: BOUNDS[f"{of}{name}"] for name in constants}
         for name, (value, shape) in constants.items():
             try:
@@ -202,7 +188,6 @@ class System(_Leaf):
         return {name: value.reshape(self._shapes[name])[()] for name, value in read.items()}
 
     def _declare_inputs(self, **sizes: int) -> None:
-        """Vector inputs name=size; `self._value(context, name)` reads them."""
         for name, size in sizes.items():
             self._ports[name] = self.DeclareVectorInputPort(name, size)
 
@@ -216,8 +201,7 @@ class System(_Leaf):
         return self._ports[name].Eval(context)
 
     def _fulcrum_place(self, context: Context) -> Any:
-        """The input `fulcrum_position` (m from A), or the parameter fulcrum_m where it is not connected; InputError if
-        it is not a number within FARTHEST_M."""
+        """The input `fulcrum_position`, or the parameter fulcrum_m where it is not connected (m from A)."""
         given = "fulcrum_m" not in self.parameter_index or self._ports["fulcrum_position"].HasValue(context)
         position = self._value(context, "fulcrum_position")[0] if given else self._constants(context)["fulcrum_m"]
         if self._T is not Expression and not -FARTHEST_M <= position <= FARTHEST_M:
@@ -229,7 +213,6 @@ class System(_Leaf):
     def _declare_output(
         self, name: str, size: int, calc: Callable[[Context], Any], *sources: DependencyTicket
     ) -> None:
-        """An output (size,) whose value is what the method `calc(context)` returns; it depends on the tickets."""
         value = _weakly(calc)
 
         def write(context: Context, out: Any) -> None:
@@ -240,19 +223,16 @@ class System(_Leaf):
         self.DeclareVectorOutputPort(name, size, write, *([set(sources)] if sources else []))
 
     def _declare_parts(self, entry: Callable[[Context], Any], **sizes: int) -> None:
-        """An output name=size for each of these parts of a cached mapping."""
         for name, size in sizes.items():
             self._declare_part(name, size, entry, name)
 
     def _declare_part(
         self, name: str, size: int, entry: Callable[[Context], Any], key: object, *sources: DependencyTicket
     ) -> None:
-        """An output (size,) that is entry(context)[key]."""
         self._declare_output(name, size, lambda context: entry(context)[key], *sources)
 
     def _declare_spatial_forces(self, calc: Callable[[Context], Iterable[tuple[int, np.ndarray]]]) -> None:
-        """The output for a plant's `applied_spatial_force`: of each pair that the method `calc(context)` returns, body
-        and (6,) moment and force in W at its origin."""
+        """An output of the pairs that `calc(context)` returns: body, (6,) moment and force in W at its origin."""
         pairs, applied, force = _weakly(calc), ExternallyAppliedSpatialForce_[self._T], SpatialForce_[self._T]
 
         def packed(body: int, F_Bo_W: np.ndarray) -> Any:
@@ -268,8 +248,7 @@ class System(_Leaf):
     def _declare_cached(
         self, name: str, calc: Callable[[Context], R], *sources: DependencyTicket
     ) -> Callable[[Context], R]:
-        """A function of the Context: what the method `calc(context)` returns, kept until a source changes; by default
-        these are the inputs and parameters declared so far. It does not own the system, as Drake's CacheEntry does."""
+        """What the method `calc(context)` returns, kept until a source changes, by default inputs and parameters."""
         compute = _weakly(calc)
         owner: Callable[[], Any] = weakref.ref(self)
 
@@ -298,7 +277,6 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _weakly(method: Callable[..., R]) -> Callable[..., R]:
-    """A method as a function that does not own its object; anything else as it is."""
     if not isinstance(method, MethodType):
         return method
     function, owner = method.__func__, weakref.ref(method.__self__)
@@ -309,8 +287,7 @@ S = TypeVar("S", bound=System)
 
 
 def system_template(*others: type) -> Callable[[type[S]], type[S]]:
-    """Decorates a System: it becomes the class for float; those for float and `others`, by default AutoDiffXd, are in
-    its `template`."""
+    """A System becomes the class for float; those for float and `others`, by default AutoDiffXd, are its `template`."""
     def decorate(cls: type[S]) -> type[S]:
         define: Any = TemplateSystem.define
         cls.template = define(f"{cls.__name__}_", T_list=[float, *(others or [AutoDiffXd])],

@@ -19,8 +19,7 @@ from vsf_drake.systems._system import System, cross, system_template
 class _AtSites(System):
     """A system of N sites S, the i-th fixed to body B = body_indices[i].
 
-    Forces on the sites of one body are summed to one spatial force at the body's origin, which is statically the
-    same and costs less to hand over.
+    Forces on the sites of one body are summed to one at its origin, statically the same and cheaper to hand over.
     """
 
     def _declare_sites(self, body_indices: Sequence[SupportsInt], *kinematics: str) -> int:
@@ -60,34 +59,26 @@ class _AtSites(System):
 
 @system_template()
 class KelvinVoigtContact(_AtSites):
-    """Modified Kelvin-Voigt contact of N spheres with the ground plane.
+    """Modified Kelvin-Voigt contact of N spheres with the ground plane, without friction.
 
-    The law is `vsf_drake.laws.kelvin_voigt.normal_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 1) with depth =
-    ground height + radius - z_S and depth rate = -v_Sz of the sphere centre S. The force acts along +z_W at the
-    contact point C, a radius below S. There is no friction here: see `StickSlipFriction`.
+    The law is `vsf_drake.laws.kelvin_voigt.normal_force` with depth = ground height + radius - z_S and depth rate =
+    -v_Sz of the sphere centre S. The force acts along +z_W at the contact point C, a radius below S.
 
     .. pydrake_system::
 
         name: KelvinVoigtContact
-        input_ports:
-        - body_poses
-        - body_spatial_velocities
-        output_ports:
-        - normal_force
-        - depth
-        - depth_rate
-        - spatial_forces
+        input_ports: [body_poses, body_spatial_velocities]
+        output_ports: [normal_force, depth, depth_rate, spatial_forces]
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: normal_force (N,) N, >= 0;
     depth (N,) m; depth_rate (N,) m/s, also without contact; spatial_forces, one per body.
 
     Args:
-        body_indices, p_BS, radius: of each sphere body, (N, 3) centre in the body's frame and (N,) radius (m).
-        stiffness, exponent, damping, full_damping_depth: (N,) constants of the law, SI.
-        ground_height: z of the ground in W (m).
+        body_indices: of each sphere's body.
         unloading: branch of the law while the depth falls, "continuous" or "printed"; else ValueError.
 
-    Parameters in the Context: p_BS, radius, stiffness, exponent, damping, full_damping_depth, ground_height.
+    Parameters in the Context: p_BS (N, 3) m, centres in their bodies' frames; radius (N,) m; stiffness, exponent,
+    damping, full_damping_depth (N,) of the law, SI; ground_height (m), z of the ground in W.
     """
 
     def __init__(
@@ -122,31 +113,26 @@ class KelvinVoigtContact(_AtSites):
 class StickSlipFriction(_AtSites):
     """Stick-slip friction of N spheres on the ground plane.
 
-    The law is `vsf_drake.laws.stick_slip.friction_force` (McGeehan 2021, doi 10.1115/1.4050456, eq. 2). The slip is
-    the horizontal velocity of the point C that is fixed to the body, one full radius (not radius less depth) below
-    the sphere centre S: (v_Sx - w_y radius, v_Sy + w_x radius). The force acts at C.
+    The law is `vsf_drake.laws.stick_slip.friction_force`. The slip is the horizontal velocity of the point C that is
+    fixed to the body, one full radius (not radius less depth) below the sphere centre S: (v_Sx - w_y radius, v_Sy + w_x
+    radius). The force acts at C.
 
     .. pydrake_system::
 
         name: StickSlipFriction
-        input_ports:
-        - body_poses
-        - body_spatial_velocities
-        - normal_force
-        output_ports:
-        - friction_force
-        - spatial_forces
+        input_ports: [body_poses, body_spatial_velocities, normal_force]
+        output_ports: [friction_force, spatial_forces]
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force (N,) N, of a
     `KelvinVoigtContact` with the same sites. Outputs: friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the
     spheres; spatial_forces, one per body.
 
     Args:
-        body_indices, p_BS, radius: of each sphere body, (N, 3) centre in the body's frame and (N,) radius (m).
-        mu_static, mu_kinetic, threshold_velocity: constants of the law; scalars.
+        body_indices: of each sphere's body.
         smooth: use the variant with a continuous derivative.
 
-    Parameters in the Context: p_BS, radius, mu_static, mu_kinetic, threshold_velocity.
+    Parameters in the Context: p_BS (N, 3) and radius (N,) as of `KelvinVoigtContact`; mu_static, mu_kinetic and
+    threshold_velocity (m/s) of the law, scalars.
     """
 
     def __init__(
@@ -176,41 +162,31 @@ class StickSlipFriction(_AtSites):
 class GroundReaction(_AtSites):
     """Ground reaction force on N spheres, its centre of pressure and free moment.
 
-    The forces act at the contact points C_i = S_i - radius z_W. With their sum F and their moment M about the
+    With the sum F of the forces, which act at the contact points C_i = S_i - radius z_W, and their moment M about the
     origin of W, the centre of pressure is the point of the ground plane (height h) about which the moment has no
     horizontal component,
 
         cop = ((h F_x - M_y) / F_z, (h F_y + M_x) / F_z, h),
 
-    and the free moment is what is left about the vertical there, M_z - (cop × F)_z. That is how a force plate makes
-    them of force and moment. A real plate is touched at its surface; here, as in the library that the paper used,
-    friction acts at the contact points, which lie below h by their depths, so that the horizontal forces have a
-    small moment about the plane. For contact points in the plane the centre of pressure equals the force-weighted
-    mean Σ N_i C_i / Σ N_i of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4; otherwise the two differ by at most the
-    friction coefficient times the largest depth.
+    and the free moment is what is left about the vertical there, M_z - (cop × F)_z, as a force plate makes them.
+    Friction acts at the contact points, which lie below h by their depths, as in the library that the paper used. So
+    cop differs from the force-weighted mean Σ N_i C_i / Σ N_i of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4, by at
+    most the friction coefficient times the largest depth.
 
     .. pydrake_system::
 
         name: GroundReaction
-        input_ports:
-        - body_poses
-        - normal_force
-        - friction_force
-        output_ports:
-        - grf
-        - cop
-        - free_moment
+        input_ports: [body_poses, normal_force, friction_force]
+        output_ports: [grf, cop, free_moment]
 
-    Inputs: body_poses, of all bodies of the plant; normal_force (N,) N, of `KelvinVoigtContact`; friction_force (3
-    N,), N rows (fx, fy, 0) in W, of `StickSlipFriction`; of one foot of two, of its own sites. Outputs: grf (3,) N
-    in W, on the model; cop (3,) m in W; free_moment (1,) N m about +z_W, on the model. Without load all three are
-    zero (so cop is the origin of W: check grf first).
+    Inputs: body_poses, of all bodies of the plant; normal_force (N,) N, of `KelvinVoigtContact`; friction_force (3 N,),
+    N rows (fx, fy, 0) in W, of `StickSlipFriction`; of one foot's own sites. Outputs: grf (3,) N in W, on the model;
+    cop (3,) m in W; free_moment (1,) N m about +z_W, on the model. Without load all three are zero.
 
     Args:
-        body_indices, p_BS, radius: of each sphere body, (N, 3) centre in the body's frame and (N,) radius (m).
-        ground_height: z of the ground in W (m).
+        body_indices: of each sphere's body.
 
-    Parameters in the Context: p_BS, radius, ground_height.
+    Parameters in the Context: p_BS, radius, ground_height, as of `KelvinVoigtContact`.
     """
 
     def __init__(
@@ -236,26 +212,20 @@ class GroundReaction(_AtSites):
 class DrakeReaction(System):
     """Ground reaction force, centre of pressure and free moment of one foot out of a plant's contact results.
 
-    The same three outputs as `GroundReaction`, by the same formulas (see there), for point contact and
-    hydroelastic contact: the sum of all contacts between the foot's bodies and anything else, reduced to the level
-    plane through the mean of what is touched, weighted by the size of the forces: on level ground that is its
-    surface; on a slope cop is where the force crosses that plane.
+    By the formulas of `GroundReaction`, for point contact and hydroelastic contact: the sum of all contacts between the
+    foot's bodies and anything else, reduced to the level plane through the mean of what is touched, weighted by the
+    size of the forces: on level ground its surface; on a slope cop is where the force crosses that plane.
 
-    No geometry query is needed: contact results hold points, forces and bodies, and of a hydroelastic contact the
-    geometries. In a plant with a time step they are those of the last step, so before the first all is zero.
+    In a plant with a time step contact results are those of the last step, so before the first all is zero.
 
     .. pydrake_system::
 
         name: DrakeReaction
-        input_ports:
-        - contact_results
-        output_ports:
-        - grf
-        - cop
-        - free_moment
+        input_ports: [contact_results]
+        output_ports: [grf, cop, free_moment]
 
-    Inputs: contact_results, of the plant (`wire_foot` connects it). Outputs: grf (3,) N in W, on the foot; cop (3,)
-    m in W; free_moment (1,) N m about +z_W, on the foot. Without load all three are zero.
+    Inputs: contact_results, of the plant (`wire_foot` connects it). Outputs: grf (3,) N in W, on the foot; cop (3,) m
+    in W; free_moment (1,) N m about +z_W, on the foot. Without load all three are zero.
 
     Args:
         body_indices: the foot's bodies.
@@ -314,34 +284,27 @@ def _number(geometry_id: GeometryId | int) -> int:
 
 @system_template()
 class TestingMachine(_AtSites):
-    """A massless platen that presses N sites of the foot from below, in displacement control.
+    """A massless platen that presses N sites of the foot from below, in displacement control, without friction.
 
-    The platen carries one ball under each site and keeps it there horizontally, so that the load stays vertical and
-    at the same material point however far the foot bends, as the sphere-to-sphere contact of McGeehan 2021 (doi
-    10.1115/1.4050456). Ball and site touch when the platen's height z_p equals the site's, so radii are part of
-    z_p; then depth = z_p - z_S, depth rate = v_p - v_Sz, and the law is `vsf_drake.laws.kelvin_voigt.normal_force`.
-    The force acts along +z_W at S. No friction.
+    The platen carries one ball under each site and keeps it there horizontally, so that the load stays vertical and at
+    the same material point however far the foot bends, as the sphere-to-sphere contact of McGeehan 2021 (doi
+    10.1115/1.4050456). Radii are part of the platen's height z_p: depth = z_p - z_S, depth rate = v_p - v_Sz, the law
+    is `vsf_drake.laws.kelvin_voigt.normal_force`, and the force acts along +z_W at S.
 
     .. pydrake_system::
 
         name: TestingMachine
-        input_ports:
-        - body_poses
-        - body_spatial_velocities
-        - platen
-        output_ports:
-        - load
-        - depth
-        - spatial_forces
+        input_ports: [body_poses, body_spatial_velocities, platen]
+        output_ports: [load, depth, spatial_forces]
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,), height (m in W) and
     velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,) m; spatial_forces, one per body.
 
     Args:
-        body_indices, p_BS: of each site body and (N, 3) place in the body's frame (m).
-        stiffness, exponent, damping, full_damping_depth: (N,) constants of the law, SI.
+        body_indices: of each site's body.
 
-    Parameters in the Context: p_BS, stiffness, exponent, damping, full_damping_depth.
+    Parameters in the Context: p_BS (N, 3) m, sites in their bodies' frames; stiffness, exponent, damping,
+    full_damping_depth (N,) of the law, SI.
     """
 
     __test__ = False  # not a test class, whatever pytest thinks of its name

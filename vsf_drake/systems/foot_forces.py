@@ -36,49 +36,35 @@ GROUND = ("grf", "cop", "free_moment", "normal_force", "depth", "depth_rate", "f
 
 @system_template()
 class FootForces(System):
-    """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into.
+    """Every force on one variable-stiffness foot, for any plant that `add_foot` put it into; `wire_foot` makes and
+    connects it.
 
-    In one system what `KelvinVoigtContact`, `StickSlipFriction`, `GroundReaction`, `FulcrumSupport`,
-    `KeelElasticity` and the carriage's servo do apart, at a fraction of their cost, on a ground of several plane
-    patches. The keel is planar and its joint angles are in the state, so of the plant's poses and velocities only
-    those of the rigid frame F are read, and the plant gets one spatial force on F beside moments in the keel's
-    joints. Laws and sources: `vsf_drake.laws` (kelvin_voigt, smooth_contact or hunt_crossley, as `law` says;
-    stick_slip, with its smooth variant where the law is "smooth"; ground), McGeehan 2021 (doi 10.1115/1.4050456).
+    In one system what `KelvinVoigtContact`, `StickSlipFriction`, `GroundReaction`, `FulcrumSupport`, `KeelElasticity`
+    and the carriage's servo do apart, at a fraction of their cost, on a ground of several plane patches. Of the plant's
+    poses and velocities only those of the rigid frame F are read, for the keel's joint angles are in the state, and the
+    plant gets one spatial force on F beside moments in the keel's joints. Laws and sources: `vsf_drake.laws`, McGeehan
+    2021 (doi 10.1115/1.4050456); with the law "smooth" friction is smooth too.
 
     A sphere touches the highest patch at its centre S, of equally high ones the last, and none beyond all bounds.
     Depth, depth rate and slip are taken along and across that patch's normal n, friction acts at C, a radius from S
-    against n. The centre of pressure is the point about which the moment has no component across the mean normal,
-    in the plane through the mean contact point; for a level ground that is what `GroundReaction` computes.
+    against n. The centre of pressure is the point about which the moment has no component across the mean normal, in
+    the plane through the mean contact point; for a level ground that is what `GroundReaction` computes.
 
     .. pydrake_system::
 
         name: FootForces
-        input_ports:
-        - body_poses
-        - body_spatial_velocities
-        - state
-        - fulcrum_position
-        output_ports:
-        - spatial_forces
-        - generalized_force
-        - support_force
-        - joint_moment
-        - grf
-        - cop
-        - free_moment
-        - normal_force
-        - depth
-        - depth_rate
-        - friction_force
+        input_ports: [body_poses, body_spatial_velocities, state, fulcrum_position]
+        output_ports: [spatial_forces, generalized_force, support_force, joint_moment, grf, cop, free_moment,
+          normal_force, depth, depth_rate, friction_force]
 
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state (num_positions +
-    num_velocities,), [q; v] of the plant; fulcrum_position (1,) m from the keel's posterior end A, where it is not
-    connected the parameter fulcrum_m holds. Outputs: spatial_forces on F; generalized_force (num_velocities,), zero
-    outside keel and carriage; support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,) N m of
-    the keel's springs and dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the
-    mean normal, on the foot; normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,)
-    m/s, also without contact; friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment are
-    zero. With `law` None there is no contact and no output from grf on. `wire_foot` makes and connects it.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state (num_positions + num_velocities,),
+    [q; v] of the plant; fulcrum_position (1,) m from the keel's posterior end A, where it is not connected the
+    parameter fulcrum_m holds. Outputs: spatial_forces on F; generalized_force (num_velocities,), zero outside keel and
+    carriage; support_force (1,) N of the fulcrum on the keel along z_K; joint_moment (m,) N m of the keel's springs and
+    dampers; grf (3,) N in W, on the foot; cop (3,) m in W; free_moment (1,) N m about the mean normal, on the foot;
+    normal_force (N,) N, >= 0; depth (N,) m of foam and ground together; depth_rate (N,) m/s, also without contact;
+    friction_force (3 N,), N rows in W, N. Without load grf, cop and free_moment are zero. With `law` None there is no
+    contact and no output from grf on.
 
     Args:
         position_indices, velocity_indices: (m + 1,) of the m keel joints and the carriage in the plant's q and v.
@@ -91,11 +77,11 @@ class FootForces(System):
             / threshold_velocity on the roughest patch, that each keel body bears there. None: no limit.
 
     Parameters in the Context: joint_stiffness, joint_damping (m,) N m/rad, N m s/rad; fulcrum_stiffness,
-    fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain, carriage_rate_gain N/m, N s/m;
-    and with a law p_BS (N, 3) m, radius (N,) m, stiffness, exponent, damping, full_damping_depth (N,) of
-    `laws.kelvin_voigt`, dissipation (N,) s/m of `laws.hunt_crossley`, depth_width, rate_width (m, m/s) of
-    `laws.smooth_contact`, threshold_velocity (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x,
-    ground_height, ground_slope, ground_bank, ground_compliance, mu_static, mu_kinetic (M,), see `vsf_drake.ground`.
+    fulcrum_damping N/m, N s/m; fulcrum_m (m from A); carriage_gain, carriage_rate_gain N/m, N s/m; and with a law p_BS
+    (N, 3) m, radius (N,) m, stiffness, exponent, damping, full_damping_depth (N,) of `laws.kelvin_voigt`, dissipation
+    (N,) s/m of `laws.hunt_crossley`, depth_width, rate_width (m, m/s) of `laws.smooth_contact`, threshold_velocity
+    (m/s); and of the M patches ground_bounds (M, 4), ground_reference_x, ground_height, ground_slope, ground_bank,
+    ground_compliance, mu_static, mu_kinetic (M,), see `vsf_drake.ground`.
 
     Raises:
         InputError: (when evaluated) the fulcrum's position is not a number, or in mm; the load on a keel body is

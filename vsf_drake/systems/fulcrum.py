@@ -24,40 +24,32 @@ THREAD = ("screw_lead_m", "screw_mean_diameter_m", "thread_friction", "thread_fl
 
 @system_template()
 class FulcrumSupport(System):
-    """Two-sided stiff support of the keel at a continuous position along it.
+    """Two-sided stiff support of the keel at a continuous position along it: McGeehan 2021 (doi 10.1115/1.4050456),
+    Figure 1, support B, with a finite stiffness.
 
-    The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end A). With w the
-    height of P in the keel frame K, fixed in the foot's frame body F, and w' its rate for fixed l, the keel feels
-    -(stiffness w + damping w') along z_K at P and the frame body the opposite at the same point, so force and
-    moment on the two together are zero. P slides onto the next keel body where that body's frame begins, its joint,
-    about which the force then has no moment: everything is continuous as the fulcrum passes a joint.
-
-    It is the simple support B of McGeehan 2021 (doi 10.1115/1.4050456, Figure 1) with a finite stiffness. Sliding
-    it under load takes work, which is the carriage's: no force for it acts here.
+    The fulcrum holds the keel's material point P at arc coordinate l (m from the posterior end A). With w the height of
+    P in the keel frame K, fixed in the foot's frame body F, and w' its rate for fixed l, the keel feels -(stiffness w +
+    damping w') along z_K at P and F the opposite at the same point. P slides onto the next keel body where that body's
+    frame begins, its joint, about which the force then has no moment: everything is continuous as the fulcrum passes a
+    joint. Sliding it under load takes work, which is the carriage's: no force for it acts here.
 
     .. pydrake_system::
 
         name: FulcrumSupport
-        input_ports:
-        - body_poses
-        - body_spatial_velocities
-        - fulcrum_position
-        output_ports:
-        - spatial_forces
-        - support_force
+        input_ports: [body_poses, body_spatial_velocities, fulcrum_position]
+        output_ports: [spatial_forces, support_force]
 
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position (1,) m from A, of
-    a source or the carriage's coordinate. Outputs: spatial_forces on the keel body that holds P and on F;
-    support_force (1,) N on the keel along z_K, negative while the ground bends the toe up.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position (1,) m from A, of a
+    source or the carriage's coordinate. Outputs: spatial_forces on the keel body that holds P and on F; support_force
+    (1,) N on the keel along z_K, negative while the ground bends the toe up.
 
     Args:
         frame_body_index: body F.
         X_FK: pose of K in F.
         keel_body_indices: m bodies from A to the toe, their frames at their joints, x along the keel.
         keel_body_starts: (m,) arc coordinates of their frames (m), increasing from the first; else ValueError.
-        stiffness, damping: N/m, N s/m.
 
-    Parameters in the Context: stiffness, damping.
+    Parameters in the Context: stiffness (N/m), damping (N s/m).
     """
 
     def __init__(
@@ -112,11 +104,8 @@ class FulcrumCommand(System):
     .. pydrake_system::
 
         name: FulcrumCommand
-        input_ports:
-        - fulcrum_position
-        output_ports:
-        - desired_state
-        - position
+        input_ports: [fulcrum_position]
+        output_ports: [desired_state, position]
 
     Inputs: fulcrum_position (1,) m from A; where it is not connected the parameter fulcrum_m holds. Outputs:
     desired_state (2 num_actuators,), [q_d; v_d], for MultibodyPlant's port of that name of the foot's instance, as
@@ -127,8 +116,8 @@ class FulcrumCommand(System):
 
     Parameters in the Context: fulcrum_m, m from A.
 
-    It does not convert to AutoDiffXd, and so does no diagram that holds it, nor has either a `Clone`: a plant that
-    Drake 1.51 converts or clones has actuators without gains, and the keel of that foot no springs.
+    No diagram that holds it converts to AutoDiffXd or clones: a plant that Drake 1.51 converts or clones has actuators
+    without gains, and the keel of that foot no springs.
     """
 
     def __init__(self, *, num_actuators: int, carriage: int, fulcrum_m: float) -> None:
@@ -160,53 +149,37 @@ class FulcrumCommand(System):
 class FulcrumActuator(System):
     """A geared motor turns a lead screw, whose nut carries the fulcrum along a rail.
 
-    The laws are `vsf_drake.laws.lead_screw` (a text-book's power screw and motor line). While `enabled` is 1 the
-    driver applies limit · tanh(error / servo band), zero within the tolerance, with the limit the supply's voltage
-    or what keeps the carriage below its speed limit; while it is 0 the driver shorts the winding, which brakes and
-    takes no energy. The rail's drag is rail_drag + rail_friction |support force|. All friction is regularised over
-    the creep speed. Ends of travel: the desired position is cut to them, and stops push the carriage back.
+    The laws are `vsf_drake.laws.lead_screw`. While `enabled` is 1 the driver applies limit · tanh(error / servo band),
+    zero within the tolerance, with the limit the supply's voltage or what keeps the carriage below its speed limit;
+    while it is 0 the driver shorts the winding, which brakes and takes no energy. The rail's drag is rail_drag +
+    rail_friction |support force|. All friction is regularised over the creep speed. The desired position is cut to the
+    ends of travel, and stops push the carriage back.
 
-    The screw locks itself, so the keel's load cannot move the carriage: the load acts on it only as rail friction,
-    and the position follows from this system's own state. In a plant with a foot the carriage's body follows
-    `fulcrum_position`; its mass is counted here for the screw's equation, there for weight and inertia. What a
-    loaded keel's slope at the fulcrum pushes it along the rail with, support force · sin(slope), is zero unless it
-    comes in as axial_load: little in swing, but under 600 N on the nominal foot's load point and with the fulcrum
-    at 66 mm -350 N. Moving the fulcrum under load without it changes the keel's energy for nothing.
+    The screw locks itself, so the keel's load acts on the carriage only as rail friction. What a loaded keel's slope at
+    the fulcrum pushes it along the rail with, support force · sin(slope), is zero unless it comes in as axial_load:
+    little in swing, but -350 N under 600 N on the nominal foot's load point with the fulcrum at 66 mm; without it,
+    moving the fulcrum under load changes the keel's energy for nothing.
 
-    Energies, all growing from the Context's values (0): energy, taken from the supply, the integral of max(V i, 0),
-    as nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding, motor, gear and
-    thread and what the driver burns of V i < 0. At any time energy = kinetic energy of rotor and screw + work +
-    losses.
+    Energies, all growing from the Context's values (0): energy, taken from the supply, the integral of max(V i, 0), as
+    nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding, motor, gear and thread
+    and what the driver burns of V i < 0. At any time energy = kinetic energy of rotor and screw + work + losses.
 
     .. pydrake_system::
 
         name: FulcrumActuator
-        input_ports:
-        - desired_position
-        - enabled
-        - support_force
-        - axial_load
-        output_ports:
-        - fulcrum_position
-        - carriage_velocity
-        - motor_current
-        - energy
-        - work
-        - losses
-        - position_error
+        input_ports: [desired_position, enabled, support_force, axial_load]
+        output_ports: [fulcrum_position, carriage_velocity, motor_current, energy, work, losses, position_error]
 
     Inputs: desired_position (1,) m from A; enabled (1,) 0 or 1; support_force (1,) N between keel and fulcrum, of
-    either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero.
-    Outputs: fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,), work
-    (1,) and losses (1,) J; position_error (1,) m, desired (within the travel) less actual. Position, velocity and
-    energies are states, without feedthrough.
-
-    Wiring: enabled and desired_position from `SwingController`; fulcrum_position to the foot, whose support_force
-    comes back. `plants.add_fulcrum_drive` does it.
+    either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero. Outputs:
+    fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,), work (1,) and losses
+    (1,) J; position_error (1,) m, desired (within the travel) less actual. Position, velocity and energies are states,
+    without feedthrough. `plants.add_fulcrum_drive` wires it.
 
     Args:
         parameters: motor, gear, screw and rail.
-        carriage_mass: kg. rearmost, foremost: ends of travel (m from A).
+        carriage_mass: kg, for the screw's equation; weight and inertia are the plant's.
+        rearmost, foremost: ends of travel (m from A).
         initial_position: where a new Context has the carriage (m from A).
 
     Parameters in the Context: screw_lead_m, screw_mean_diameter_m, thread_flank_angle_rad, thread_friction,

@@ -14,8 +14,7 @@ from vsf_drake.systems._system import System, system_template
 
 
 class _JointForces(System):
-    """What `_force` of a subclass says as the generalized force of a plant, all of whose joints have one degree of
-    freedom."""
+    """The `_force` of a subclass as generalized force of a plant, all of whose joints have one degree of freedom."""
 
     def _declare_joints(self, num_velocities: int, velocity_indices: Sequence[int]) -> int:
         """Input state and output generalized_force; returns how many joints have a force."""
@@ -45,27 +44,20 @@ class KeelElasticity(_JointForces):
 
     A lumped-parameter beam: a joint in the middle of each element with stiffness E I / L_element and damping
     proportional to it (MathWorks, Flexible Beam, lumped-parameter method; McGeehan 2021, doi 10.1115/1.4050456).
-    The springs are here rather than in the plant's joints so that they can be changed in the Context and
-    differentiated.
 
     .. pydrake_system::
 
         name: KeelElasticity
-        input_ports:
-        - state
-        output_ports:
-        - generalized_force
-        - joint_moment
+        input_ports: [state]
+        output_ports: [generalized_force, joint_moment]
 
-    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
-    Outputs: generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
+    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom. Outputs:
+    generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
 
     Args:
         velocity_indices: m indices into the plant's v (and q), one per joint.
-        stiffness: (m,) N m/rad; zero for a free pin.
-        damping: (m,) N m s/rad.
 
-    Parameters in the Context: stiffness, damping.
+    Parameters in the Context: stiffness (m,) N m/rad, zero for a free pin; damping (m,) N m s/rad.
     """
 
     def __init__(
@@ -86,28 +78,23 @@ class SocketBushing(_JointForces):
     """Six springs and dampers with limits on the six coordinates between residual limb and socket.
 
     The law of each axis is `vsf_drake.laws.bushing.axis_force`. The socket hangs on the limb by six joints of one
-    degree of freedom, so that the law's force on a coordinate is that coordinate's generalized force, and limb and
-    socket feel equal and opposite actions.
+    degree of freedom, so that limb and socket feel equal and opposite actions.
 
     .. pydrake_system::
 
         name: SocketBushing
-        input_ports:
-        - state
-        output_ports:
-        - generalized_force
-        - wrench
+        input_ports: [state]
+        output_ports: [generalized_force, wrench]
 
-    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom.
-    Outputs: generalized_force (num_velocities,), zero outside the six; wrench (6,), on the socket along tx, ty, tz
-    (N) and about flexion, adduction, rotation (N m).
+    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom. Outputs:
+    generalized_force (num_velocities,), zero outside the six; wrench (6,), on the socket along tx, ty, tz (N) and about
+    flexion, adduction, rotation (N m).
 
     Args:
         velocity_indices: 6 indices into the plant's v (and q): tx, ty, tz, flexion, adduction, rotation.
-        stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio: constants of the law, SI; (6,) but
-            for the last.
 
-    Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit, stop_ratio.
+    Parameters in the Context: stiffness, stiffness_negative, damping, limit, rate_limit (6,) of the law, SI;
+    stop_ratio.
     """
 
     def __init__(
@@ -130,29 +117,23 @@ class SocketBushing(_JointForces):
 
 @system_template(AutoDiffXd, Expression)
 class GaitDriver(_JointForces):
-    """Proportional-derivative servo on p joints: position_gain (q_d - q) + velocity_gain (v_d - v).
-
-    It drives chosen joints along a recorded motion under Drake's Simulator.
+    """Proportional-derivative servo on p joints, which drives them along a recorded motion under Drake's Simulator:
+    position_gain (q_d - q) + velocity_gain (v_d - v).
 
     .. pydrake_system::
 
         name: GaitDriver
-        input_ports:
-        - state
-        - desired_state
-        output_ports:
-        - generalized_force
-        - tracking_error
+        input_ports: [state, desired_state]
+        output_ports: [generalized_force, tracking_error]
 
-    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom; desired_state (2
-    p,), [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside the p; tracking_error (p,), q_d - q,
-    rad or m.
+    Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom; desired_state (2 p,),
+    [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside the p; tracking_error (p,), q_d - q, rad or
+    m.
 
     Args:
         velocity_indices: p indices into the plant's v (and q).
-        position_gain, velocity_gain: (p,) N/m or N m/rad, and N s/m or N m s/rad.
 
-    Parameters in the Context: position_gain, velocity_gain.
+    Parameters in the Context: position_gain (p,) N/m or N m/rad; velocity_gain (p,) N s/m or N m s/rad.
     """
 
     def __init__(

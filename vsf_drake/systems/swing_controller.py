@@ -25,45 +25,34 @@ class SwingController(System):
     Sampled at a fixed period, as a microcontroller. What says that the foot is in the air:
 
     - contact: the vertical force on the foot falls below unload_force; stance again above load_force.
-    - shank: the shank swings forward, its angle falling faster than swing_rate from a lean of at least least_lean;
-      stance again once it falls slower than stop_rate. So it is in walking: the shank's rate changes sign after
-      toe-off and again at or just before initial contact (gait phases by shank gyroscopes, PMC6545278, Figure 3;
-      Catalfamo 2010, doi 10.3390/s100605683), and in stance it only leans further forward. The first sixth or so of
-      swing, in which the shank still leans further, is not used. The lean keeps a person who rocks back from the
-      motor.
+    - shank: its angle falls faster than swing_rate from a lean of at least least_lean, which keeps a person who rocks
+      back from the motor; stance again once it falls slower than stop_rate. In walking the shank's rate changes sign
+      after toe-off and again at or just before initial contact (PMC6545278, Figure 3; Catalfamo 2010, doi
+      10.3390/s100605683). The first sixth or so of swing, in which the shank still leans further, is not used.
     - both: swing needs both; either ends it.
 
-    The sign must last for the debounce time before the phase is swing; stance follows at once, at the next sample,
-    and lasts for least_stance, for a heel may bounce. So a period after touch-down at the latest the motor is off;
-    a signal that is not a number counts as stance. All thresholds are choices.
+    The sign must last for the debounce time before the phase is swing; stance follows at the next sample and lasts for
+    least_stance, for a heel may bounce. A signal that is not a number counts as stance. All thresholds are choices.
 
     .. pydrake_system::
 
         name: SwingController
-        input_ports:
-        - desired_position
-        - grf
-        - shank_angle
-        output_ports:
-        - enabled
-        - phase
-        - commanded_position
+        input_ports: [desired_position, grf, shank_angle]
+        output_ports: [enabled, phase, commanded_position]
 
-    Inputs: desired_position (1,) m from A, read at the onset of swing; grf (3,) N on the foot, z_W up; shank_angle
-    (2,) rad and rad/s, leaning forward positive, of `ShankAngle`. Of grf and shank_angle only those that the signal
-    needs are read, the other need not be connected. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0
-    stance, 1 unloaded but not confirmed, 2 swing; commanded_position (1,) m from A. They are discrete states,
-    without feedthrough: phase; time (s) for which stance or the sign of swing has lasted; commanded position.
-    AutoDiffXd works; the thresholds' derivatives are zero, as the phase is.
+    Inputs: desired_position (1,) m from A, read at the onset of swing; grf (3,) N on the foot, z_W up; shank_angle (2,)
+    rad and rad/s, leaning forward positive, of `ShankAngle`. Of grf and shank_angle only those that the signal needs
+    are read. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0 stance, 1 unloaded but not confirmed, 2 swing;
+    commanded_position (1,) m from A. They are discrete states, without feedthrough: phase; time (s) for which stance or
+    the sign of swing has lasted; commanded position. Derivatives by the thresholds are zero, as the phase is.
 
     Args:
         signal: one of SIGNALS.
         initial_position: commanded until the first swing (m from A).
-        period, debounce, least_stance: s.
-        unload_force, load_force: N.
-        swing_rate, stop_rate: rad/s, of the angle's fall; least_lean: rad.
+        period: s.
 
-    Parameters in the Context: unload_force, load_force, swing_rate, stop_rate, least_lean, debounce, least_stance.
+    Parameters in the Context: unload_force, load_force (N); swing_rate, stop_rate (rad/s, of the angle's fall);
+    least_lean (rad); debounce, least_stance (s).
 
     Raises:
         InputError: the signal is unknown, or the thresholds leave no hysteresis; while it runs, the desired
@@ -132,23 +121,19 @@ def _state(context: Context) -> Any:
 class ShankAngle(System):
     """An inertial sensor: sagittal inclination of a body B against the vertical, and its rate, without noise.
 
-    With the vertical z_W in B, g = R_WB^T z_W, the angle is atan2(-g_x, g_z): zero with the shank upright,
-    positive with its top ahead of its bottom (leaning forward; +y, to the left, is the axis), whatever the
-    heading. In level walking straight ahead its rate is the gyroscope's signal about y_B; in general it is the
-    exact derivative of the angle. B has x forward, y left and z up along the shank, as the frames of this
-    package's feet and shanks. Not defined with B's x-z plane level (a shank lying on its side).
+    With the vertical z_W in B, g = R_WB^T z_W, the angle is atan2(-g_x, g_z): zero with the shank upright, positive
+    with its top ahead of its bottom (+y, to the left, is the axis), whatever the heading; in level walking straight
+    ahead its rate is the gyroscope's signal about y_B. B has x forward, y left and z up along the shank. Not defined
+    with B's x-z plane level (a shank lying on its side).
 
     .. pydrake_system::
 
         name: ShankAngle
-        input_ports:
-        - body_poses
-        - body_spatial_velocities
-        output_ports:
-        - shank_angle
+        input_ports: [body_poses, body_spatial_velocities]
+        output_ports: [shank_angle]
 
-    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: shank_angle (2,), angle
-    in rad within (-pi, pi] and rate in rad/s, for `SwingController`.
+    Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: shank_angle (2,), angle in rad
+    within (-pi, pi] and rate in rad/s, for `SwingController`.
 
     Args:
         body_index: the body B that bears the sensor.
@@ -173,33 +158,24 @@ class ShankAngle(System):
 class AdjustmentRecorder(System):
     """Counts the adjustments of the fulcrum, and the swings and the energy that each of them took.
 
-    An adjustment begins when the motor is enabled with an error above `reached` and ends when it is off again
-    with an error within: it may take several swings, and a new desired position in between prolongs it. Its
-    energy is what the supply gave from its beginning to its end. A motor that is seen enabled was enabled up to a
-    period earlier, so the energy is counted from the sample before: the inrush is in it.
+    An adjustment begins when the motor is enabled with an error above `reached` and ends when it is off again with an
+    error within: it may take several swings, and a new desired position in between prolongs it. Its energy is what the
+    supply gave, from the sample before the one that first sees the motor enabled: the inrush is in it.
 
     .. pydrake_system::
 
         name: AdjustmentRecorder
-        input_ports:
-        - enabled
-        - energy
-        - position_error
-        output_ports:
-        - adjustments
-        - adjustment_energy
-        - adjustment_swings
+        input_ports: [enabled, energy, position_error]
+        output_ports: [adjustments, adjustment_energy, adjustment_swings]
 
-    Inputs: enabled (1,) 0 or 1, of `SwingController`; energy (1,) J and position_error (1,) m, of
-    `FulcrumActuator`. Outputs: adjustments (1,), how many have ended; adjustment_energy (1,) J and
-    adjustment_swings (1,) of the last that ended, zero before the first. Sampled at a fixed period, without
-    feedthrough.
+    Inputs: enabled (1,) 0 or 1, of `SwingController`; energy (1,) J and position_error (1,) m, of `FulcrumActuator`.
+    Outputs: adjustments (1,), how many have ended; adjustment_energy (1,) J and adjustment_swings (1,) of the last that
+    ended, zero before the first. Sampled at a fixed period, without feedthrough.
 
     Args:
         period: s; at most that of the controller, above 0.
-        reached: error (m), above 0, within which the fulcrum is where it should be.
 
-    Parameters in the Context: reached.
+    Parameters in the Context: reached (m), above 0, the error within which the fulcrum is where it should be.
     """
 
     def __init__(self, *, period: float = 5e-3, reached: float = 1e-3) -> None:
