@@ -3,42 +3,41 @@
     python tests/benchmarks/run.py [--quick] [--only NAME ...]
 
 Simulated time over wall time on one core, compilation excluded, with the accuracy beside it: of walking the root mean
-square difference of the 40 Hz resultants of the prosthetic foot's ground reaction in percent of body weight (BW),
-of the bench the largest difference of the load; of the wiring what the foot adds to one evaluation of a plant's
-derivatives. Nothing is asserted: times belong to the machine.
+square difference of the 40 Hz resultants of the prosthetic foot's ground reaction in percent of body weight (BW), of
+the bench the largest difference of the load. Nothing is asserted: times belong to the machine.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
 import importlib.util
 import sys
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1] / "helpers"))  # the runs under Drake's Simulator
+import walks
 from table import Row, format_table
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(REPOSITORY / "studies"), str(REPOSITORY / "tests" / "helpers")]  # cost of a walk; reference runs
-QUICK = ("stepper", "integrators", "mujoco_foot", "wiring")
-LONG = ("sweeps", "scaling")
-GROUPS = tuple(name for name in QUICK + LONG if importlib.util.find_spec(name))
+
+def mujoco() -> list[Row]:
+    """The same foot in MuJoCo, if that is installed."""
+    if importlib.util.find_spec("mujoco") is None:
+        return [Row("the same foot in MuJoCo", None, None, "MuJoCo is not installed: pip install 'vsf-drake[bench]'")]
+    from mujoco_foot import rows  # noqa: PLC0415 - optional
+
+    return rows()
 
 
-def measure(name: str, quick: bool) -> list[Row]:
-    """The rows of the module `name`; only those in QUICK have a quick form."""
-    rows = importlib.import_module(name).rows
-    return rows(quick=quick) if name in QUICK else rows()
+GROUPS = {"stepper": walks.stepper, "simulator": walks.simulator, "mujoco": mujoco, "sweeps": walks.sweeps}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Speed and accuracy of every way of advancing, as one table.")
     parser.add_argument("--only", nargs="+", metavar="NAME", choices=GROUPS, help=f"of {', '.join(GROUPS)}")
-    parser.add_argument("--quick", action="store_true",
-                        help=f"shorter runs, about a minute; without {' and '.join(LONG)} unless --only names them")
+    parser.add_argument("--quick", action="store_true", help="without the sweeps, unless --only names them")
     options = parser.parse_args()
-    names = dict.fromkeys(options.only or ()) or (QUICK if options.quick else GROUPS)
-    print(format_table([row for name in names for row in measure(name, options.quick)]))
+    names = options.only or [name for name in GROUPS if name != "sweeps" or not options.quick]
+    print(format_table([row for name in names for row in GROUPS[name]()]))
 
 
 if __name__ == "__main__":
