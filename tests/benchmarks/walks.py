@@ -9,16 +9,18 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from reference_runs import simulate_bench_reference, simulate_reference
+from reference_runs import simulate_bench_reference
 from table import YARDSTICK, Row
 
 from vsf_drake.analysis.validation import embedded_trials
+from vsf_drake.ground import Ground
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
 from vsf_drake.simulation.walk import Walk, Walker
+from vsf_drake.simulation.walk_over_ground import walk_over
 
 WALK_S, MILLISECOND, REPEATS = 1.2, 1e-3, 10
 STEPS_S = (2e-3, 1e-3, 5e-4, 2.5e-4)
@@ -123,9 +125,9 @@ def simulator(length_s: float = 0.2) -> list[Row]:
     strike = whole.record.time_s[1:][(vertical[1:] > STRIKE_N) & (vertical[:-1] <= STRIKE_N)][0]
     start = max(span()["start_s"], round(strike - 0.05, 3))
     options = {"fulcrum_m": trial.fulcrum_m, "start_s": start, "end_s": start + length_s}
-    exact = simulate_reference(walker, trial.trajectory, accuracy=1e-4, **options).grf_W[1:]
-    runs = {f"Simulator {scheme} {accuracy:g}": simulate_reference(
-        walker, trial.trajectory, integrator=scheme, accuracy=accuracy, **options)
+    person = trial.subject, trial.model, trial.trajectory, Ground()
+    exact = walk_over(*person, accuracy=1e-4, **options).grf_W[1:]
+    runs = {f"Simulator {scheme} {accuracy:g}": walk_over(*person, integrator=scheme, accuracy=accuracy, **options)
         for scheme, accuracy in (("radau3", 1e-3), ("implicit_euler", 1e-2))}
     forces = {name: (run.grf_W[1:], run.wall_s) for name, run in runs.items()}
     walk = walker.walk(trial.trajectory, **options)

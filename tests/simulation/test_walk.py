@@ -14,12 +14,12 @@ import pytest
 from cut_walks import inputs_of
 from drawn_walks import assert_sound, drawn, draws, outcomes, reach
 from made_contact import CURVE, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
-from reference_runs import simulate_reference
 
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.contact_file import model_with
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.files import resource
+from vsf_drake.ground import Ground
 from vsf_drake.motion.fitted_trial import fingerprint, gait_phase, trial_with
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory, periodic_bsplines, window_bsplines
@@ -31,6 +31,7 @@ from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS
 from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.variables import MotionPerturbation
 from vsf_drake.simulation.walk import AppliedTorques, Walker, bytes_a_step, walk_notes
+from vsf_drake.simulation.walk_over_ground import walk_over
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 
@@ -44,8 +45,8 @@ def test_fulcrum_may_move_under_load_in_both_ways_of_advancing(walker, motion):
     def path(t):
         return 0.1 + 0.3 * (t - 0.5)
 
-    span = {"start_s": 0.5, "end_s": 0.56}
-    reference = simulate_reference(walker("right"), motion("right"), fulcrum_m=path, **span)
+    span, person = {"start_s": 0.5, "end_s": 0.54}, walker("right")
+    reference = walk_over(person.subject, person.model, motion("right"), Ground(), fulcrum_m=path, **span)
     walk = run(walker, motion, fulcrum_m=path, step_s=2.5e-4, **span)
     np.testing.assert_allclose(walk.prosthetic.grf_W[3::4][10:], reference.grf_W[11:], atol=2.0)
 

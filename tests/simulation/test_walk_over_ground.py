@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reference_runs import simulate_reference
 
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
@@ -38,7 +37,9 @@ def difference(force, reference, body_weight):
 
 @pytest.fixture(scope="module")
 def reference(walker, motion):
-    return simulate_reference(walker("right"), motion("right"), fulcrum_m=FULCRUM_M, start_s=START_S, end_s=FINISH_S)
+    person = walker("right")
+    return walk_over(person.subject, person.model, motion("right"), Ground(), fulcrum_m=FULCRUM_M, start_s=START_S,
+                     end_s=FINISH_S)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -33,6 +33,7 @@ from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.plants.wiring import velocity_indices
 from vsf_drake.schema import check
 from vsf_drake.simulation.reactions import LOADED_N
+from vsf_drake.simulation.stepping.tree import tree_of
 from vsf_drake.simulation.walk import check_offsets, fulcrum_on_grid, walk_grid
 
 INTEGRATORS = ("implicit_euler", "radau1", "radau3", "velocity_implicit_euler")
@@ -62,7 +63,6 @@ class ReferenceWalk:
     prescribed: tuple[str, ...]
     commanded: np.ndarray  # (n, p) what the `prescribed` coordinates should have followed
     steps: int  # of the integrator
-    evaluations: int  # of the whole diagram's derivatives
     wall_s: float
 
 
@@ -99,7 +99,9 @@ def walk_over(
         InputError: a number is out of range, or the trajectory lacks a coordinate or the time.
         SimulationError: socket and keel find no rest at the start, or the integrator gives up.
     """
-    check_integrator(integrator)
+    if integrator not in INTEGRATORS:
+        raise InputError(f"{integrator!r} does not suit this system", where="integrator",
+                         right=f"Choose one of {', '.join(INTEGRATORS)}")
     check(subject)
     check_model(model)
     moments, _ = walk_grid(start_s, end_s, sample_s)
@@ -128,7 +130,7 @@ def _start(
     accelerations are a + (M^-1)_pp df, a those of the diagram as it is; df is what makes them those of the motion.
     """
     plant, plant_context, start_s = gait.plant, gait.plant_context(context), context.get_time()
-    q, v = np.zeros(plant.num_positions()), np.zeros(plant.num_velocities())
+    q, v = np.zeros((2, plant.num_positions()))
     at = velocity_indices(plant, gait.person.coordinate_names)
     position, velocity, _ = trajectory.sample(np.array([start_s]))
     q[at], v[at] = position[0], velocity[0]
@@ -193,39 +195,28 @@ def recorded(
     names = ("state", "driver_force", "grf", "cop", "intact_grf", "intact_cop", "normal_force", "socket_wrench")
     ports = [gait.diagram.GetOutputPort(name) for name in names]
     gait_context = gait.diagram.GetMyContextFromRoot(context)
-    run = advance(diagram, context, moments, lambda: [port.Eval(gait_context) for port in ports], config, progress)
-    rows = {name: np.array(values) for name, values in zip(names, zip(*run.rows, strict=True), strict=True)}
-    n, joints = gait.plant.num_positions(), [gait.plant.get_joint(i) for i in gait.plant.GetJointIndices()]
-    moving = sorted((joint.position_start(), joint.name()) for joint in joints if joint.num_positions())
+    started = time.perf_counter()
+    kept, steps = advance(
+        diagram, context, moments, lambda: [port.Eval(gait_context) for port in ports], config, progress)
+    rows, n = dict(zip(names, map(np.array, zip(*kept, strict=True)), strict=True)), gait.plant.num_positions()
     cop, intact_cop = (np.where(rows[grf][:, 2:] > LOADED_N, rows[cop], np.nan)
                        for cop, grf in (("cop", "grf"), ("intact_cop", "intact_grf")))
     return ReferenceWalk(
-        time_s=moments, coordinate_names=tuple(name for _, name in moving), q=rows["state"][:, :n],
-        v=rows["state"][:, n:], driver_force=rows["driver_force"], grf_W=rows["grf"], cop_W=cop,
+        time_s=moments, coordinate_names=tree_of(gait.plant, gait.plant_context(context)).coordinate_names,
+        q=rows["state"][:, :n], v=rows["state"][:, n:], driver_force=rows["driver_force"], grf_W=rows["grf"], cop_W=cop,
         intact_grf_W=rows["intact_grf"], intact_cop_W=intact_cop, normal_n=rows["normal_force"],
         socket_wrench=rows["socket_wrench"], prescribed=gait.prescribed,
-        commanded=motion.vector_values(moments.tolist()).T, steps=run.steps, evaluations=run.evaluations,
-        wall_s=run.wall_s)
-
-
-class AdaptiveRun(NamedTuple):
-    """What `advance` leaves: a row per instant, integrator steps, evaluations of all derivatives, seconds it took."""
-
-    rows: list[Any]
-    steps: int
-    evaluations: int
-    wall_s: float
+        commanded=motion.vector_values(moments.tolist()).T, steps=steps, wall_s=time.perf_counter() - started)
 
 
 def advance(
     diagram: Diagram, context: Context, moments: np.ndarray, record: Callable[[], Any], config: SimulatorConfig,
     progress: Callable[[float], None] | None
-) -> AdaptiveRun:
-    """Advances to each of `moments` (n,) s, at the first of which `config` starts, and keeps what `record` returns
-    there; SimulationError if it gives up."""
-    simulator = Simulator(diagram, context)
+) -> tuple[list[Any], int]:
+    """Advances to each of `moments` (n,) s, at the first of which `config` starts; what `record` returns there, and the
+    integrator's steps. SimulationError if it gives up."""
+    simulator, rows = Simulator(diagram, context), []
     ApplySimulatorConfig(config, simulator)
-    rows, started = [], time.perf_counter()
     for moment in moments:
         try:
             simulator.AdvanceTo(float(moment))
@@ -235,16 +226,7 @@ def advance(
         rows.append(record())
         if progress:
             progress(float((moment - moments[0]) / max(moments[-1] - moments[0], 1e-12)))
-    integrator = simulator.get_integrator()
-    return AdaptiveRun(rows=rows, steps=integrator.get_num_steps_taken(),
-                       evaluations=integrator.get_num_derivative_evaluations(), wall_s=time.perf_counter() - started)
-
-
-def check_integrator(name: str) -> None:
-    """Raises InputError unless `name` is one of INTEGRATORS."""
-    if name not in INTEGRATORS:
-        raise InputError(f"{name!r} does not suit this system", where="integrator",
-                         right=f"Choose one of {', '.join(INTEGRATORS)}")
+    return rows, simulator.get_integrator().get_num_steps_taken()
 
 
 def drive(builder: DiagramBuilder, name: str, path: PiecewisePolynomial, order: int, port: InputPort) -> None:
