@@ -78,15 +78,16 @@ class WalkCase:
 
 @dataclass(frozen=True, eq=False)
 class WorkerTask:
-    """What a worker needs for one walk. Person and motion go by their keys: it asks for those that it does not know."""
+    """What a worker needs for one walk."""
 
     key: str  # of everything that the numbers depend on
-    person: str  # key of (subject, model, free)
-    motion: str  # key of the trajectory
+    person_key: str  # of `person`
+    person: Person
+    motion_key: str  # of the trajectory `motion`
+    motion: Any
     options: dict[str, Any]  # of `Walker.walk`, picklable
     keep: tuple[str, ...]
     software: dict[str, str]  # what must run it
-    parts: dict[str, Any] = field(default_factory=dict)  # by key, what the worker has asked for
 
 
 class Planner:
@@ -94,7 +95,6 @@ class Planner:
 
     def __init__(self, keep: tuple[str, ...]) -> None:
         self.keep = keep
-        self.parts: dict[str, Any] = {}  # (subject, model, free) and trajectories by key
         self._keys: dict[tuple[object, ...], tuple[str, Any]] = {}
 
     def task(self, case: WalkCase) -> WorkerTask:
@@ -120,19 +120,19 @@ class Planner:
             arrays = {"time_s": moments, "position_m": position}
         else:
             options = plain = plain | {"fulcrum_m": float(position[0])}
-        person = self._key((id(trial.subject), id(trial.model), free), (trial.subject, trial.model, free), _person_key)
-        motion = self._key((id(trial.trajectory),), trial.trajectory, _motion_key)
+        person = (trial.subject, trial.model, free)
+        person_key = self._key((id(trial.subject), id(trial.model), free), person, _person_key)
+        motion_key = self._key((id(trial.trajectory),), trial.trajectory, _motion_key)
         made_by = software()
-        key = _finite_digest("offsets", {"person": person, "motion": motion, **plain, "offsets": to_plain(offsets),
-                                         "keep": sorted(self.keep), "software": made_by}, arrays)
-        return WorkerTask(key=key, person=person, motion=motion, options=options | {"offsets": offsets}, keep=self.keep,
-                          software=made_by)
+        key = _finite_digest("offsets", {"person": person_key, "motion": motion_key, **plain,
+                                         "offsets": to_plain(offsets), "keep": sorted(self.keep),
+                                         "software": made_by}, arrays)
+        return WorkerTask(key=key, person_key=person_key, person=person, motion_key=motion_key, motion=trial.trajectory,
+                          options=options | {"offsets": offsets}, keep=self.keep, software=made_by)
 
     def _key(self, identity: tuple[object, ...], part: Any, key_of: Callable[[Any], str]) -> str:
         if identity not in self._keys:
-            key = key_of(part)
-            self._keys[identity] = key, part  # holding the part keeps its identity from being used again
-            self.parts.setdefault(key, part)
+            self._keys[identity] = key_of(part), part  # holding the part keeps its identity from being used again
         return self._keys[identity][0]
 
 

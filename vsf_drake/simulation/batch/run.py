@@ -26,7 +26,6 @@ from vsf_drake.schema import to_plain
 from vsf_drake.simulation.batch.cases import (
     ARRAYS,
     DEFAULT_KEEP,
-    Person,
     Planner,
     WalkCase,
     WorkerTask,
@@ -81,11 +80,10 @@ def simulate_batch(
             raise InputError(f"the trial of member {i} is a {type(case.trial).__name__}, no Trial", where="cases",
                              right="Give what load_trial() returns")
     with reporting(progress) as report:
-        sweep, planner = _BatchRun(cases, report), Planner(kept)
-        store = None if cache is None else WalkCache(cache)
-        todo = sweep.plan(planner, store)
+        sweep, store = _BatchRun(cases, report), None if cache is None else WalkCache(cache)
+        todo = sweep.plan(Planner(kept), store)
         with (chosen(count, executor, len(todo)) as (pool, most),
-              closing(_dispatch(todo, planner.parts, pool, most)) as replies):
+              closing(_dispatch(todo, pool, most)) as replies):
             for task, reply in replies:
                 if store is not None:
                     store.write(task, reply)
@@ -120,13 +118,6 @@ class WalkOutcome:
         if self.failure is not None:
             raise VsfError(f"a failed walk has no arrays: {self.failure}")
         return MappingProxyType(self._arrays)
-
-    def column(self, name: str) -> np.ndarray:
-        """(n,) history of one coordinate; KeyError if `q` was not kept or has no such column."""
-        q, names = self.arrays["q"], self.columns["q"]
-        if name not in names:
-            raise KeyError(f"there is no coordinate {name}; there are {', '.join(names)}")
-        return q[:, names.index(name)]
 
 
 class _BatchRun:
@@ -196,11 +187,9 @@ def _said(error: Exception) -> str:
 # a diagram with Python systems in it.
 
 
-MOST_PARTS = 256  # persons and recordings that a process remembers; it asks again for an older one
 _NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
 """In place of a trial: what a result says of its origin, which is not brought back."""
 _lock = threading.Lock()
-_parts: dict[str, Any] = {}
 _idle: dict[str, list[Walker]] = {}
 
 
@@ -211,7 +200,6 @@ class Kind(enum.Enum):
     FAILED = "failed"  # the simulation failed, and would again: as good a result as any
     REFUSED = "refused"  # the case cannot be simulated, or a fault of the program kept it from being
     MACHINE = "machine"  # memory, disk or the worker failed: says nothing of the case
-    MISSING = "missing"  # the worker does not know the person or the recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,11 +224,8 @@ def run_task(task: WorkerTask) -> Reply:
             differ = [f"{name} {here.get(name)} instead of {value}" for name, value in task.software.items()
                       if here.get(name) != value]
             return Reply(Kind.REFUSED, f"the worker runs other software: {', '.join(differ)}")
-        person, motion = _known(task, task.person), _known(task, task.motion)
-        if person is None or motion is None:
-            return Reply(Kind.MISSING)
-        with _walker(task.person, person) as walker:
-            return _walked(walker, motion, task)
+        with _walker(task) as walker:
+            return _walked(walker, task)
     except Exception as error:  # whatever it is, it concerns this member only
         kind = (Kind.FAILED if isinstance(error, SimulationError)
                 else Kind.MACHINE if isinstance(error, (MemoryError, OSError)) else Kind.REFUSED)
@@ -249,10 +234,9 @@ def run_task(task: WorkerTask) -> Reply:
         return Reply(kind, _said(error))
 
 
-def _walked(walker: Walker, motion: Any, task: WorkerTask) -> Reply:
-    options = task.options
-    walk = walker.walk(motion, **options)
-    result = walker.result(walk, _NAMELESS, options["offsets"], energy="energy_j" in task.keep)
+def _walked(walker: Walker, task: WorkerTask) -> Reply:
+    walk = walker.walk(task.motion, **task.options)
+    result = walker.result(walk, _NAMELESS, task.options["offsets"], energy="energy_j" in task.keep)
     arrays = {name: np.array(getattr(result, name)) for name in task.keep}
     for name, array in arrays.items():
         if not name.endswith("cop_W") and not np.isfinite(array).all():  # a foot in the air has no centre of pressure
@@ -264,31 +248,20 @@ def _walked(walker: Walker, motion: Any, task: WorkerTask) -> Reply:
                  refined_steps=result.refined_steps, wall_s=result.wall_s, notes=tuple(result.notes))
 
 
-def _known(task: WorkerTask, key: str) -> Any:
-    """The person or recording with that key: from the task, or remembered; None if neither."""
-    with _lock:
-        known = task.parts.get(key, _parts.pop(key, None))
-        if known is not None:
-            _parts[key] = known  # the one that was used last stands last
-        while len(_parts) > MOST_PARTS:
-            del _parts[next(iter(_parts))]
-        return known
-
-
 @contextmanager
-def _walker(key: str, person: Person) -> Iterator[Walker]:
-    """A walker of that person which nobody else uses meanwhile."""
+def _walker(task: WorkerTask) -> Iterator[Walker]:
+    """A walker of the task's person which nobody else uses meanwhile."""
     with _lock:
-        waiting = _idle.setdefault(key, [])
+        waiting = _idle.setdefault(task.person_key, [])
         walker = waiting.pop() if waiting else None
     if walker is None:
-        subject, model, free = person
+        subject, model, free = task.person
         walker = Walker(subject, model, free=free)
     try:
         yield walker
     finally:
         with _lock:
-            _idle[key].append(walker)
+            waiting.append(walker)
 
 
 # Keeps an executor busy with tasks, hands back replies as they come, and tries once more what a machine lost.
@@ -298,13 +271,8 @@ ATTEMPTS = 2  # how often a task is tried whose worker dies under it
 LOOK_EVERY_S = 0.2  # how often to look for tasks that were cancelled from outside: nobody tells
 
 
-def _dispatch(
-    tasks: Iterable[WorkerTask], parts: Mapping[str, Any], executor: Any, most: int
-) -> Generator[tuple[WorkerTask, Reply]]:
-    """Yields each task with its reply as they finish, with `most` kept submitted; closing it calls off the others.
-
-    Workers get persons and recordings (`parts`, by key) only when they ask for them: once each, not once a task.
-    """
+def _dispatch(tasks: Iterable[WorkerTask], executor: Any, most: int) -> Generator[tuple[WorkerTask, Reply]]:
+    """Yields each task with its reply as they finish, with `most` kept submitted; closing it calls off the others."""
     queue = deque(tasks)
     tried: dict[str, int] = {}
     running: dict[Future[Reply], WorkerTask] = {}
@@ -327,9 +295,6 @@ def _dispatch(
             for future in done:
                 task = running.pop(future)
                 reply = _reply(future)
-                if reply.kind is Kind.MISSING:
-                    queue.appendleft(replace(task, parts={key: parts[key] for key in (task.person, task.motion)}))
-                    continue
                 tried[task.key] = tried.get(task.key, 0) + (reply.kind is Kind.MACHINE)
                 if reply.kind is Kind.MACHINE and tried[task.key] < ATTEMPTS:
                     queue.append(task)
@@ -411,7 +376,8 @@ def _encoded(task: WorkerTask, reply: Reply) -> bytes:
     options = {name: value for name, value in task.options.items() if not callable(value)}
     about: dict[str, Any] = {
         "key": task.key, "kind": reply.kind.value, **{name: to_plain(getattr(reply, name)) for name in _PLAIN},
-        "made_with": {"person": task.person, "motion": task.motion, "keep": list(task.keep), **to_plain(options)},
+        "made_with": {"person": task.person_key, "motion": task.motion_key, "keep": list(task.keep),
+                      **to_plain(options)},
         "software": task.software}
     about["content_sha256"] = digest(about, reply.arrays)
     buffer = io.BytesIO()
