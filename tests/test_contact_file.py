@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_contact import CURVE, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
@@ -18,40 +17,20 @@ from vsf_drake.parameters import BushingAxis, ModelParameters, Subject
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.walk import Walker
 
-
-def test_a_contact_is_written_and_read_back_equal_texts_that_look_like_yaml_too(tmp_path):
-    for words in ("a b", "two\nlines", "", "height_m: 3", "a: b # c", "null", "1.0", "\u2028", "trials:\n- name: x"):
-        contact = made_contact(strategy=words, trials=(dataclasses.replace(OWN, name=words),),
-                               provenance={words: words})
-        save_contact(contact, tmp_path / "contact.yaml")
-        assert load_contact(tmp_path / "contact.yaml") == contact
-    assert [path.name for path in tmp_path.iterdir()] == ["contact.yaml"]
-
-
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+WORDS = st.text(max_size=30).filter(lambda text: not UNPRINTABLE.search(text)) | st.sampled_from(
+    ["two\nlines", "", "height_m: 3", "a: b # c", "null", "1.0", "\u2028", "trials:\n- name: x"])
 
 
-PRINTABLE = st.text(max_size=30).filter(lambda text: not UNPRINTABLE.search(text))
-
-
-@given(numbers=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), value=NUMBERS, words=PRINTABLE)
+@settings(max_examples=30)
+@given(numbers=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), value=NUMBERS, words=WORDS)
 def test_every_digit_and_every_letter_comes_back(tmp_path_factory, numbers, value, words):
-    path = tmp_path_factory.mktemp("contact") / "contact.yaml"
+    path = tmp_path_factory.getbasetemp() / "contact.yaml"
     trial = dataclasses.replace(OWN, name=words, path={"pelvis_tx": tuple(numbers)})
-    contact = made_contact(values={"fulcrum.stiffness": value}, trials=(trial,), verdict=(words, "b"),
-                           provenance={"said": words, "number": value})
+    contact = made_contact(values={"fulcrum.stiffness": value}, trials=(trial,), verdict=(words, "b"), strategy=words,
+                           provenance={words: words, "number": value})
     save_contact(contact, path)
     assert load_contact(path) == contact
-
-
-def test_a_text_that_cannot_be_printed_is_neither_written_nor_read(tmp_path):
-    path, words = tmp_path / "contact.yaml", "\x1b[31m"
-    with pytest.raises(InputError, match="unprintable"):
-        save_contact(made_contact(strategy=words), path)
-    save_contact(made_contact(strategy="HERE"), path)
-    path.write_text(path.read_text(encoding="utf-8").replace("HERE", json.dumps(words)), encoding="utf-8")
-    with pytest.raises(InputError, match=r"line \d+.*unprintable"):
-        load_contact(path)
 
 
 def test_every_physical_number_has_its_unit_behind_it(tmp_path):
@@ -74,12 +53,6 @@ def test_a_fit_that_did_not_converge_is_written_as_such_and_not_read_as_one_that
     assert load_contact(tmp_path / "contact.yaml", even_if_failed=True) == failed
 
 
-def spoiled(change):
-    plain = to_plain(made_contact())
-    change(plain)
-    return plain
-
-
 def put(*keys, value):
     def change(plain):
         for key in keys[:-1]:
@@ -95,21 +68,18 @@ def put(*keys, value):
     (put("values", "coordinate.ankle_angle_r", value=0.1), ["ankle_angle_r", "no coordinate"]),
     (put("curves", 0, "coordinate", value="knee"), ["curves[0].coordinate", "'knee' is no coordinate"]),
     (put("curves", 0, "coefficients", value=[0.1, 0.1, 0.1]), ["curves[0].coefficients", "At least 4"]),
-    (put("curves", 0, "coefficients", value=[0.1, 0.1, 0.1, 5.7]), ["curves[0].coefficients", "between -1 and 1"]),
     (put("curves", value=[to_plain(CURVE), to_plain(CURVE)]), ["curves[1]", "two curves"]),
     (put("trials", 0, "fingerprint", value="low_1"), ["trials[0].fingerprint", "64 hexadecimal digits"]),
     (put("trials", value=[to_plain(OWN), to_plain(OWN)]), ["trials[1].fingerprint", "stands twice"]),
-    (put("trials", 0, "path", value={"pelvis_ty": [0.0] * 4}), ["trials[0].path", "pelvis_tx, pelvis_tz"]),
     (put("values", "coordinate.hip_flexion_r", value=5.7), ["values.coordinate.hip_flexion_r", "between -1 and 1"]),
+    (put("trials", 0, "path", value={"pelvis_ty": [0.0] * 4}), ["trials[0].path", "pelvis_tx, pelvis_tz"]),
     (put("trials", 0, "path", "pelvis_tx", value=[0.0, 0.0, -1.5, 0.0]), ["path.pelvis_tx[2]", "between -1 and 1"]),
     (lambda plain: plain.pop("provenance"), ["provenance: is missing", "cut short"]),
-    (put("trials", 0, "path", "pelvis_tx", value=[0.0]), ["trials[0].path.pelvis_tx", "cubic"]),
-    (put("trials", 0, "path", "pelvis_tx", value=[0.0, math.inf, 0.0, 0.0]),
-     ["line ", "trials[0].path.pelvis_tx[1]: inf"]),
 ])
 def test_what_is_no_contact_is_refused_with_file_and_key(tmp_path, change, words):
-    path = tmp_path / "contact.yaml"
-    path.write_text(yaml.safe_dump(spoiled(change)), encoding="utf-8")
+    path, plain = tmp_path / "contact.yaml", to_plain(made_contact())
+    change(plain)
+    path.write_text(yaml.safe_dump(plain), encoding="utf-8")
     with pytest.raises(InputError) as caught:
         load_contact(path)
     for word in (str(path), *words):
@@ -138,16 +108,15 @@ def test_what_cannot_be_read_back_is_not_written(tmp_path):
 
 
 def test_python_users_meet_the_same_checks():
-    with pytest.raises(InputError, match=r"values\.keel\.colour"):
-        check_contact(made_contact(values={"keel.colour": 1.0}))
-    with pytest.raises(InputError, match=r"True is not a finite number"):
-        check_contact(made_contact(values={"fulcrum.stiffness": True}))
     left = dataclasses.replace(made_contact().subject, prosthetic_side="left")
-    with pytest.raises(InputError, match="ankle_angle_l"):
-        check_contact(made_contact(subject=left, values={"coordinate.ankle_angle_l": 0.1}, curves=()))
     endless = dataclasses.replace(OWN, path={"pelvis_tz": (0.0, math.nan, 0.0, 0.0)})
-    with pytest.raises(InputError, match=r"trials\[0\]\.path\.pelvis_tz\[1\]: nan"):
-        check_contact(made_contact(trials=(endless,)))
+    for changes, said in (
+            ({"values": {"keel.colour": 1.0}}, r"values\.keel\.colour"), ({"strategy": "\x1b[31m"}, "unprintable"),
+            ({"values": {"fulcrum.stiffness": True}}, "True is not a finite number"),
+            ({"subject": left, "values": {"coordinate.ankle_angle_l": 0.1}, "curves": ()}, "ankle_angle_l"),
+            ({"trials": (endless,)}, r"trials\[0\]\.path\.pelvis_tz\[1\]: nan")):
+        with pytest.raises(InputError, match=said):
+            check_contact(made_contact(**changes))
 
 
 def test_units_are_those_of_the_walks_variables():
@@ -182,11 +151,7 @@ def test_each_value_goes_to_its_field_and_nothing_else_changes():
     assert axis.stiffness_negative == pytest.approx(0.15 * 8.3e4)
     assert fitted.intact_foot == MODEL.intact_foot
     assert (fitted.foot.mass_kg, fitted.foot.load_point_m) == (FOOT.mass_kg, FOOT.load_point_m)
-
-
-def test_what_belongs_to_the_trial_leaves_the_model_alone():
-    assert model_with(MODEL, OF_THE_TRIAL) == MODEL
-    assert model_with(MODEL, {}) == MODEL
+    assert model_with(MODEL, OF_THE_TRIAL) == MODEL, "what belongs to the trial leaves the model alone"
 
 
 def test_a_rise_is_added_to_that_of_each_sphere():
@@ -228,5 +193,3 @@ def test_two_zones_of_one_name_and_an_axis_without_stiffness_are_refused():
     with pytest.raises(InputError, match="tx axis has no stiffness"):
         socket = dataclasses.replace(MODEL.socket, tx=loose)
         model_with(dataclasses.replace(MODEL, socket=socket), {"socket.tx.stiffness": 1e4})
-
-

@@ -24,105 +24,49 @@ from vsf_drake.parameters import (
     ModelParameters,
     Subject,
 )
-from vsf_drake.schema import check, dump_yaml, load_yaml
+from vsf_drake.schema import dump_yaml, load_yaml, to_plain
 from vsf_drake.simulation.walk import Walker
 
-ONE_OF_EVERYTHING = """\
-foot:
-  keel: {element_lengths_m: [0.06, 0.08, 0.09], width_m: 0.07, thickness_m: 0.006, flexural_modulus_pa: 1.5e10,
-         density_kg_m3: 1800, damping_time_s: 0.002}
-  fulcrum: {stiffness_n_per_m: 2e5, damping_time_s: 0.001, carriage_mass_kg: 0.05, rearmost_m: 0.05, foremost_m: 0.15}
-  friction: {mu_static: 0.6, mu_kinetic: 0.4, threshold_velocity_m_per_s: 0.05}
-  zones:
-    - {name: heel, x_mm: [10], y_mm: [0], rise_mm: [2], radius_m: 0.03, stiffness: 1034, exponent: 7.66,
-       damping_n_s_per_m: 3585, full_damping_depth_m: 0.0013}
-    - {name: toe, x_mm: [180, 180], y_mm: [20, -20], rise_mm: [0, 0], radius_m: 0.002, stiffness: 7000,
-       damping_n_s_per_m: 80}
-  series_stiffness_n_per_m: 5e7
-  series_exponent: 2.1
-  series_patch_m: 0.03
-  load_point_m: 0.2
-  mass_kg: 0.8
-  build_height_m: 0.09
-  foam_thickness_m: 0.02
-  length_m: 0.25
-  heel_x_m: -0.01
-  pylon_x_m: 0.05
-  side: left
-socket:
-  tx: &axis {stiffness: 3e4, stiffness_negative: 2e4, damping: 300, limit: 0.01, rate_limit: 0.4}
-  ty: *axis
-  tz: *axis
-  flexion: *axis
-  adduction: *axis
-  rotation: *axis
-  stop_ratio: 5
-  socket_mass_kg: 0.7
-  pylon_mass_kg: 0.3
-  pylon_radius_m: 0.014
-  residual_length_ratio: 0.5
-intact_foot:
-  zones:
-    - {name: heel, x_mm: [30], y_mm: [0], rise_mm: [0], radius_m: 0.02, stiffness: 2e4, damping_n_s_per_m: 200}
-  friction: {mu_static: 0.8}
-  reference_length_m: 0.26
-  ankle_x_ratio: 0.2
-"""
+
+def changed(plain):
+    """Every number a little larger, so that none is its default."""
+    if isinstance(plain, dict):
+        return {key: changed(value) for key, value in plain.items()}
+    if isinstance(plain, list):
+        return [changed(value) for value in plain]
+    return 1.001 * plain if isinstance(plain, float) else plain
 
 
-def test_one_of_everything_is_read_and_written_back_equal(tmp_path):
-    path = tmp_path / "model.yaml"
-    path.write_text(ONE_OF_EVERYTHING, encoding="utf-8")
+def test_every_number_of_a_model_file_is_read_and_written_back_equal(tmp_path):
+    path, plain = tmp_path / "model.yaml", changed(to_plain(ModelParameters()))
+    path.write_text(yaml.safe_dump(plain), encoding="utf-8")
     model = load_model(path)
-    assert model.foot.keel.element_lengths_m == (0.06, 0.08, 0.09)
-    assert model.foot.zones[0].exponent == 7.66
-    assert model.foot.zones[1].exponent == 1.0
-    assert model.socket.rotation.stiffness_negative == 2e4
-    assert model.intact_foot.friction == FrictionParameters(mu_static=0.8)
+    assert to_plain(model) == plain and check_model(ModelParameters()) == ModelParameters()
     path.write_text(dump_yaml(model), encoding="utf-8")
     assert load_model(path) == model
-
-
-def test_the_example_names_every_key():
-    def keys(plain):
-        if isinstance(plain, dict):
-            return {k for key, value in plain.items() for k in {key} | keys(value)}
-        return {k for item in plain for k in keys(item)} if isinstance(plain, list) else set()
-
-    assert keys(yaml.safe_load(dump_yaml(ModelParameters()))) <= keys(yaml.safe_load(ONE_OF_EVERYTHING))
-
-
-def test_defaults_are_within_their_own_ranges():
-    assert check_model(ModelParameters()) == ModelParameters()
+    path.write_text("intact_foot: {friction: {mu_static: 0.8}}", encoding="utf-8")
+    assert load_model(path).intact_foot.friction == FrictionParameters(mu_static=0.8)
 
 
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right"}
 
 
-NOT_MEASURED = [field.name for field in dataclasses.fields(Subject) if field.default is None]
-
-
 def test_a_subject_without_measurements_is_written_without_them_and_one_with_all_comes_back_equal(tmp_path):
     """Files of earlier subjects stay as they were, and 0 measured is not the same as not measured."""
-    path = tmp_path / "subject.yaml"
     assert yaml.safe_load(dump_yaml(Subject(**SUBJECT))) == {**SUBJECT, "name": "subject"}
-    lengths = {name: 0.4 for name in NOT_MEASURED if name.endswith("_length_m")}
-    whole = Subject(**SUBJECT, **{name: 0.0 for name in NOT_MEASURED if name.startswith("prosthesis_")
-                                  and name not in lengths}, **lengths)
-    path.write_text(dump_yaml(whole), encoding="utf-8")
-    assert load_yaml(path, Subject) == whole
+    names = [field.name for field in dataclasses.fields(Subject) if field.default is None]
+    whole = Subject(**SUBJECT, **{name: 0.4 if name.endswith("_length_m") else 0.0 for name in names
+                                  if name.startswith("prosthe") or name.endswith("_length_m")})
+    (tmp_path / "subject.yaml").write_text(dump_yaml(whole), encoding="utf-8")
+    assert load_yaml(tmp_path / "subject.yaml", Subject) == whole
     assert whole.prosthesis_fore_aft_m == 0.0
 
 
 def test_python_users_meet_the_same_checks():
-    subject = Subject(**(SUBJECT | {"mass_kg": -1.0}))
     with pytest.raises(InputError, match="mass_kg"):
-        check(subject)
-    with pytest.raises(InputError, match="mass_kg"):
-        Walker(subject, ModelParameters())
-    heavy = dataclasses.replace(FootParameters(), mass_kg=float("inf"))
+        Walker(Subject(**(SUBJECT | {"mass_kg": -1.0})), ModelParameters())
     with pytest.raises(InputError, match=r"foot\.mass_kg"):
-        check_model(ModelParameters(foot=heavy))
+        check_model(ModelParameters(foot=dataclasses.replace(FootParameters(), mass_kg=float("inf"))))
 
 
 FOOT = FootParameters()
@@ -136,7 +80,6 @@ def moved(zone, x_mm):
 
 @pytest.mark.parametrize(("change", "message"), [
     ({"zones": (ZONE,)}, r"zones\[0\] \(heel\): x_mm, y_mm and rise_mm must have the same length"),
-    ({"zones": ()}, r"foot\.zones: there are no contact zones"),
     ({"zones": (*FOOT.zones[:4], moved(FOOT.zones[4], 400.0))}, r"foot\.zones: .* ahead of the keel"),
     ({"zones": FOOT.zones[3:]}, "no contact sphere sits on the heel block"),
     ({"fulcrum": FulcrumParameters(foremost_m=0.3)}, r"foot\.fulcrum: .* within the keel"),

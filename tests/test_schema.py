@@ -24,8 +24,7 @@ def test_from_plain_undoes_to_plain_exactly(instance):
     ({"mass": 80.0}, ["parameters.subject.mass: unknown key", "Did you mean mass_kg?"]),
     ({"mass_kg": "heavy"}, ["parameters.subject.mass_kg", "'heavy' is not a number"]),
     ({"mass_kg": 350.0}, ["It must be between 20 and 250 kg. Is it in pounds?"]),
-    ({"mass_kg": 80000.0}, ["Is it in grams?"]), ({"stature_m": 180.0}, ["Is it in centimetres?"]),
-    ({"stature_m": 1800.0}, ["Is it in millimetres?"]),
+    ({"stature_m": 180.0}, ["Is it in centimetres?"]),
     ({"sex": object()}, ["parameters.subject", "not a plain value"]),
 ])
 def test_from_plain_is_as_strict_as_a_file_and_names_the_key(change, words):
@@ -44,7 +43,6 @@ HEAVY = "mass_kg: 78.0\nstature_m: 1.81\nsex: male\nprosthetic_side: right\n"
     ("", "is empty.*mass_kg"), ("mass_kg: [", r"line 1: is not valid YAML"), ("- 1", "line 1: must be a mapping"),
     (HEAVY + "mass_kg: 70\n", r"line 5, mass_kg: the key stands twice"),
     (HEAVY.replace("78.0", "!!python/object:os.system 7"), "line 1, mass_kg: .*not plain YAML"),
-    (HEAVY.replace("sex: male\n", ""), "sex: the key is missing"),
     (HEAVY.replace("mass_kg: 78.0\n", ""), "mass_kg: the key is missing. Its unit is kg"),
     (HEAVY.replace("78.0", "-3"), "line 1, mass_kg: .*between 20 and 250 kg"),
     (HEAVY.replace("78.0", ".nan"), "line 1, mass_kg: nan is not a finite number"),
