@@ -51,13 +51,13 @@ def main() -> None:
     """Walks every trial, prints a table and writes floor.json."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, help=f"folder to write to; {RESULTS} unless --quick is given")
-    parser.add_argument("--quick", action="store_true", help="one trial per setting; needs --out")
+    parser.add_argument("--quick", action="store_true", help="one trial; needs --out")
     arguments = parser.parse_args()
     if arguments.quick and not arguments.out:
         parser.error("a part of the trials must not replace them all: give --out")
     out = arguments.out or RESULTS
     out.mkdir(parents=True, exist_ok=True)
-    names = [f"{setting}_{i}" for setting in SETTINGS for i in range(1, 2 if arguments.quick else REPEATS + 1)]
+    names = [f"{setting}_{i}" for setting in SETTINGS for i in range(1, REPEATS + 1)][: 1 if arguments.quick else None]
     trials: dict[str, dict[str, Any]] = {}
     inputs: dict[str, str] = {}
     print(f"resultant error, % BW{'':<6}" + "".join(f"{kind:>24}" for kind in KINDS))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
 
 import matplotlib
 import numpy as np
@@ -29,19 +27,16 @@ def bench_and_figure(bench):
     return bench_figure(bench, bench_table(bench))
 
 
-def test_every_axis_has_a_unit_also_without_a_stance():
-    walk, plate = make_walk(), make_plate(stances=())
-    bare = walk_figure(walk, plate, walk_metrics(walk, plate))
-    for figure in (walk_and_figure()[1], bench_and_figure(make_bench()), bare):
+def test_every_axis_has_a_unit_and_the_title_says_what_a_reader_must_know():
+    plate = make_plate(stances=())
+    bare = walk_figure(make_walk(), plate, walk_metrics(make_walk(), plate))
+    standing = standing_figure(standing_table(stood()))
+    for figure in (walk_and_figure()[1], bench_and_figure(make_bench()), bare, standing):
         for axes in figure.axes:
             for text in (axes.get_xlabel(), axes.get_ylabel()):
                 assert text.rstrip().endswith(")") and "(" in text, text
-
-
-def test_title_says_what_a_reader_must_know():
-    for changes, words in (({"synthetic": True}, "synthetic walk"), ({"synthetic": False}, "recorded walk"),
-                           ({"converged": False, "unconverged_steps": 7}, "7 STEPS NOT CONVERGED"),
-                           ({"side": "left"}, "left prosthesis, fulcrum 66 mm")):
+    for changes, words in (({"synthetic": True, "side": "left"}, "synthetic walk, not recorded, left prosthesis"),
+                           ({"converged": False, "unconverged_steps": 7}, "7 STEPS NOT CONVERGED")):
         assert words in walk_and_figure(**changes)[1].get_suptitle()
 
 
@@ -49,18 +44,11 @@ def test_forces_are_drawn_in_body_weights_measured_solid_simulated_dashed():
     walk, figure = walk_and_figure(scale=1.1)
     vertical = next(a for a in figure.axes if a.get_title(loc="left").startswith("Vertical"))
     measured, simulated = (line for line in vertical.lines if len(line.get_xdata()) > 100)
+    assert to_rgba(measured.get_color()) == to_rgba(simulated.get_color()) == to_rgba(condition_colour(0.066))
     assert measured.get_linestyle() == "-"
     assert simulated.get_linestyle() == "--"
     assert np.max(simulated.get_ydata()) == pytest.approx(np.max(walk.grf_W[:, 2]) / (80.0 * 9.81), rel=1e-2)
     assert np.max(simulated.get_ydata()) == pytest.approx(1.1 * np.max(measured.get_ydata()), rel=1e-3)
-
-
-def test_same_setting_has_the_same_colour_in_both_figures():
-    _, walk = walk_and_figure()
-    bench = bench_and_figure(make_bench())
-    curve = next(line for line in bench.axes[0].lines if line.get_label() == "fulcrum 66 mm")
-    force = next(line for line in walk.axes[0].lines if len(line.get_xdata()) > 100)
-    assert to_rgba(curve.get_color()) == to_rgba(force.get_color()) == to_rgba(condition_colour(0.066))
 
 
 def test_only_stances_cut_by_the_simulated_time_are_shaded():
@@ -84,13 +72,12 @@ def test_published_end_points_are_marked_beside_the_simulated_ones():
     figure = bench_and_figure(make_bench())
     marked = [line for line in figure.axes[1].lines if line.get_marker() == "_" and len(line.get_xdata())]
     assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in marked] == [(66.0, 10.0), (151.0, 32.0)]
-    words = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
-    assert "published" in words
-    assert "simulated, prediction" in words
     slopes = [line for line in figure.axes[0].lines if line.get_linestyle() == "-" and len(line.get_xdata()) == 2]
     drawn = sorted(np.diff(line.get_ydata())[0] / np.diff(line.get_xdata())[0] for line in slopes
                    if np.ptp(line.get_ydata()) > 0.0)
     assert drawn == pytest.approx([10.0, 32.0, 65.0])
+    curve = next(line for line in figure.axes[0].lines if line.get_label() == "fulcrum 66 mm")
+    assert to_rgba(curve.get_color()) == to_rgba(condition_colour(0.066))
 
 
 # Standing.
@@ -151,9 +138,6 @@ def test_figure_draws_each_foot_their_sum_and_the_weight():
     np.testing.assert_allclose(drawn["prosthetic foot"], 0.4 * WEIGHT_N)
     np.testing.assert_allclose(drawn["weight"], WEIGHT_N)
     assert np.max(drift.lines[0].get_ydata()) == pytest.approx(1.0)
-    for axes in figure.axes:
-        assert axes.get_xlabel().endswith("(s)")
-        assert axes.get_ylabel().endswith((" (N)", " (mm)"))
     shown = drift.texts[0].get_text()
     assert "tilt -21.0 N m" in shown and "free: tx, ty, tz" in shown
 
@@ -161,13 +145,9 @@ def test_figure_draws_each_foot_their_sum_and_the_weight():
 # The look.
 
 
-def lightness(colour):
-    return float(np.dot(to_rgb(colour), [0.2126, 0.7152, 0.0722]))
-
-
 def test_settings_keep_their_order_in_grey_print():
-    grey = [lightness(condition_colour(p)) for p in (None, 0.066, 0.087, 0.108, 0.129, 0.151)]
-    assert np.all(np.diff(grey[1:]) > 0.03)
+    grey = [np.dot(to_rgb(condition_colour(p)), [0.2126, 0.7152, 0.0722]) for p in (0.066, 0.087, 0.108, 0.129, 0.151)]
+    assert np.all(np.diff(grey) > 0.03)
     assert grey[-1] < 0.6, "the lightest must still stand out from white paper"
 
 
@@ -181,9 +161,3 @@ def test_same_figure_gives_the_same_bytes_whatever_the_users_settings_are(tmp_pa
         assert one.read_bytes() == two.read_bytes()
     with pytest.raises(InputError, match="cannot be written"):
         save_figure(standing_figure(standing_table(stood())), tmp_path / "missing" / "a")
-
-
-def test_figures_need_neither_pyplot_nor_drake():
-    code = ("import sys, vsf_drake.report.figures, vsf_drake.analysis.metrics\n"
-            "assert not [m for m in sys.modules if m.startswith(('pydrake', 'matplotlib.pyplot'))], 'imported'")
-    subprocess.run([sys.executable, "-c", code], check=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import logging
 import re
 import socket
 
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 from made_results import MASS_KG, MadePlate, make_walk
 from markupsafe import escape
-from meshcat_page import commands, tracks
+from meshcat_page import tracks
 from pydrake.multibody.tree import PrismaticJoint
 
 from vsf_drake.errors import InputError
@@ -166,17 +165,6 @@ def test_plate_is_drawn_beside_the_prediction_while_it_records(tmp_path):
     assert "reference force (synthetic)" in shouted and "recorded walk" not in shouted
 
 
-def test_camera_stands_at_the_prosthetic_side(tmp_path):
-    def camera(side):
-        places = [c for c in commands(replay_page(tmp_path, short_walk(side)))
-                  if c["type"] == "set_property" and c["property"] == "position" and "Cameras" in c["path"]]
-        return np.array(places[-1]["value"])
-
-    left, right = camera("left"), camera("right")
-    # three.js's frame is y up: (x, y, z)_W = (x, -z, y)
-    assert -left[2] > 1.0 and -right[2] < -1.0
-
-
 def test_trial_name_is_text_and_nothing_else(tmp_path):
     name = r'</title><script>alert("1")</script> & \g<0>'
     page = replay_page(tmp_path, short_walk(trial_name=name))
@@ -187,8 +175,6 @@ def test_trial_name_is_text_and_nothing_else(tmp_path):
 
 @pytest.mark.parametrize(("changes", "words"), [
     ({"parameters": {"model": {}}}, "parameters.subject"),
-    ({"parameters": {"subject": to_plain(subject("left")), "model": {"feet": 2}, "offsets": {}}},
-     "parameters.model.feet"),
     ({"parameters": {"subject": to_plain(subject("left")), "model": {}, "offsets": {}}}, "ankle_angle_r"),
     ({"sphere_normal_n": np.zeros((SAMPLES, 3)), "sphere_depth_m": np.zeros((SAMPLES, 3)),
       "sphere_friction_W": np.zeros((SAMPLES, 3, 2))}, "has 3 spheres"),
@@ -199,16 +185,7 @@ def test_walk_that_cannot_be_shown_leaves_no_file(tmp_path, changes, words):
     assert not list(tmp_path.iterdir())
 
 
-def test_failure_keeps_the_older_file(tmp_path, monkeypatch):
-    path = tmp_path / "replay.html"
-    path.write_text("older")
-    monkeypatch.setattr(replay, "finish_page", lambda *_, **__: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        write_replay(short_walk(), path)
-    assert [p.read_text() for p in tmp_path.iterdir()] == ["older"]
-
-
-def test_no_server_and_no_message_remain(tmp_path, monkeypatch, caplog):
+def test_no_server_remains(tmp_path, monkeypatch):
     servers = []
 
     def noted():
@@ -220,10 +197,6 @@ def test_no_server_and_no_message_remain(tmp_path, monkeypatch, caplog):
         return meshcat
 
     monkeypatch.setattr(replay, "open_meshcat", noted)
-    level = logging.getLogger("drake").level
     write_replay(short_walk(), tmp_path / "replay.html")
     with socket.socket() as client:
         assert client.connect_ex(servers[0]) != 0
-    assert "listening" not in caplog.text
-    assert logging.getLogger("drake").level == level
-

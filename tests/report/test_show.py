@@ -154,14 +154,11 @@ def test_buttons_reset_hide_and_end():
     assert not viewer.poll()
 
 
-def test_what_cannot_be_shown_is_refused(meshcat):
+def test_what_cannot_be_shown_and_a_port_that_cannot_be_had_are_refused(meshcat):
     for what, subject, said in (("leg", None, "foot, bench, person"), ("foot", SUBJECT, "--subject"),
                                 ("person", None, "--subject")):
         with pytest.raises(InputError, match=said):
             Scene(meshcat, what, MODEL, subject)
-
-
-def test_a_port_that_cannot_be_had_is_refused(meshcat):
     with gate(meshcat) as address:
         port = int(address.rpartition(":")[2])
         with pytest.raises(InputError, match=f"port {port} could not be opened"), gate(meshcat, port):

