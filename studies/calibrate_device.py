@@ -189,7 +189,7 @@ def main() -> None:
         stream.write(HEADER + dump_yaml(model))
     print(f"fulcrum {foot.fulcrum.stiffness_n_per_m:g} N/m, series {foot.series_stiffness_n_per_m:g} N/m")
     for row in bench_table(run_bench(model)).settings:
-        kind = "prediction" if row.prediction else "calibrated"
+        kind = "prediction" if row.published_n_per_mm is None else "calibrated"
         print(f"{row.fulcrum_mm:5.0f} mm  {row.stiffness_n_per_mm:6.2f} N/mm  {kind}")
 
 

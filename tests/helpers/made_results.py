@@ -114,7 +114,7 @@ def make_bench(**changes) -> BenchResult:
     pairs = ((0.151, 32.0e3), (None, 65e3), (0.066, 10.0e3), (0.087, 14.1e3), (0.108, 18.9e3), (0.129, 24.8e3))
     settings = tuple(make_setting(fulcrum, k, hardening=0.0) for fulcrum, k in pairs)
     values = {"settings": settings, "wall_s": 0.5, "compile_s": 2.0, "simulated_s": 180.0, "speed_m_per_s": 0.05 / 60.0,
-              "max_load_n": 600.0, "parameters": BENCH_PARAMETERS, "provenance": {"seed": None}}
+              "max_load_n": 600.0, "parameters": {"foot": BENCH_PARAMETERS}, "provenance": {"seed": None}}
     return BenchResult(**(values | changes))
 
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.comparison import r_squared, rmse
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
@@ -21,6 +20,8 @@ from vsf_drake.simulation.results import BenchResult, BenchSetting
 
 PUBLISHED_STIFFNESS_N_PER_M = {0.066: 10e3, 0.151: 32e3}  # fulcrum (m) -> stiffness (N/m), measured on the prototype
 PUBLISHED_HEEL_STIFFNESS_N_PER_M = 65e3
+LOAD_N = 600.0
+"""Largest load of the paper's passes."""
 _SAME_POSITION_M = 5e-4
 _START_SHARE = 0.02  # share of the largest load with which a curve may start
 _NOISE = 1e-6  # share of the largest load by which a load may fall without counting as not monotone
@@ -34,25 +35,29 @@ def displacement(setting: BenchSetting) -> np.ndarray:
     return setting.platen_m
 
 
+def at_loads(x: np.ndarray, load: np.ndarray, loads: Any) -> np.ndarray:
+    """Displacement at which a rising curve bears each of `loads`, the farthest where it rests; NaN beyond its end."""
+    return np.asarray(np.interp(loads, np.maximum.accumulate(load), x, right=np.nan))
+
+
+def mean_slope(x: np.ndarray, load: np.ndarray, above_n: float = STIFFNESS_ABOVE_N) -> float:
+    """Mean slope dF/dx of a rising curve from `above_n` to its largest load, eq. 3 of McGeehan 2021.
+
+    The mean over the travel, (1/Δx) ∫ dF/dx dx = (F_max - F_above) / (x_max - x_above): it does not depend on how
+    densely or evenly the curve is sampled.
+    """
+    return float((load[-1] - above_n) / (x[-1] - at_loads(x, load, above_n)))
+
+
 def stiffness(displacement_m: np.ndarray, load_n: np.ndarray, *, above_n: float = STIFFNESS_ABOVE_N,
               where: str | None = None) -> float:
-    """Mean slope dF/dx (N/m) from `above_n` to the largest load, eq. 3 of McGeehan 2021.
-
-    The mean over the travel, (1/Δx) ∫ dF/dx dx, which is the load gained above `above_n` over the
-    travel that it takes, with the crossing of `above_n` interpolated. So it does not depend on how
-    densely or evenly the curve is sampled, and equals the mean of the finite differences of an
-    evenly sampled one.
-
-    Args:
-        displacement_m: (n,) m, increasing. load_n: (n,) N, not decreasing, above `above_n` at the end.
-        where: what the curve is, for messages.
-    """
+    """`mean_slope` (N/m) of a curve that is checked: displacement (n,) m, increasing; load (n,) N, not decreasing,
+    above `above_n` at the end; `where` is what the curve is, for messages."""
     x, load = _checked(displacement_m, load_n, where)
     if load[-1] <= above_n:
         raise InputError(f"the largest load is {load[-1]:.4g} N, and stiffness is the mean slope above {above_n:g} N",
                          where=where, right="Press further: raise the largest load")
-    # (1/Δx) ∫ dF/dx dx = (F_max - F_above) / (x_max - x_above)
-    return float((load[-1] - above_n) / (x[-1] - _position(x, load, above_n)))
+    return mean_slope(x, load, above_n)
 
 
 def mid_range_displacement(displacement_m: np.ndarray, load_n: np.ndarray, *, where: str | None = None) -> float:
@@ -60,30 +65,19 @@ def mid_range_displacement(displacement_m: np.ndarray, load_n: np.ndarray, *, wh
     x, load = _checked(displacement_m, load_n, where)
     if load[-1] <= 0.0:
         raise InputError("the curve is never loaded", where=where)
-    return _position(x, load, 0.5 * load[-1])
+    return float(at_loads(x, load, 0.5 * load[-1]))
 
 
 @dataclass(frozen=True, kw_only=True)
 class BenchPass:
-    """One pass of the machine; published is the prototype's stiffness, where it is known, else this is a prediction."""
+    """One pass of the machine at the forefoot; where no stiffness is published, the simulated one is a prediction."""
 
-    fulcrum_mm: float | None  # None for the heel
+    fulcrum_mm: float
     stiffness_n_per_mm: float
     mid_range_displacement_mm: float
     max_load_n: float
     max_displacement_mm: float
-    unconverged_steps: int
     published_n_per_mm: float | None
-    prediction: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClosedForm:
-    """An overhung beam with the same compliances (small deflections; `laws.beam`), and how near the bench comes."""
-
-    stiffness_n_per_mm: tuple[float, ...]  # of each forefoot pass
-    r2: float | None
-    rmse_n_per_mm: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,63 +87,46 @@ class BenchTable:
     settings: tuple[BenchPass, ...]  # of the forefoot, by fulcrum position
     heel_stiffness_n_per_mm: float | None
     heel_published_n_per_mm: float
-    closed_form: ClosedForm | None  # None where the foam is not linear, or without a forefoot pass
-    largest_load_asked_n: float
     speed_mm_per_min: float
-    stiffness_above_n: float
     simulated_s: float
     wall_s: float
     compile_s: float
     unconverged_steps: int
     refined_steps: int
-    converged: bool
 
 
 def bench_table(result: BenchResult) -> BenchTable:
     """The numbers of a bench."""
-    forefoot = tuple(map(_bench_pass, result.forefoot))
-    simulated = np.array([row.stiffness_n_per_mm for row in forefoot])
-    beam = closed_form_stiffness(result.parameters, np.array([s.fulcrum_m for s in result.forefoot], dtype=float))
+    rows, heel = [], result.heel
+    for setting in result.forefoot:
+        where, x, published = _label(setting), displacement(setting), published_stiffness(setting.fulcrum_m)
+        rows.append(BenchPass(
+            fulcrum_mm=round(1e3 * (setting.fulcrum_m or 0.0), 9),
+            stiffness_n_per_mm=1e-3 * stiffness(x, setting.load_n, where=where),
+            mid_range_displacement_mm=1e3 * mid_range_displacement(x, setting.load_n, where=where),
+            max_load_n=float(np.max(setting.load_n)), max_displacement_mm=1e3 * float(x[-1]),
+            published_n_per_mm=None if published is None else 1e-3 * published))
     return BenchTable(
-        settings=forefoot, heel_stiffness_n_per_mm=_bench_pass(result.heel).stiffness_n_per_mm if result.heel else None,
-        heel_published_n_per_mm=1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
-        closed_form=None if beam is None or not forefoot else ClosedForm(
-            stiffness_n_per_mm=tuple((1e-3 * beam).tolist()), r2=r_squared(simulated, 1e-3 * beam),
-            rmse_n_per_mm=rmse(simulated, 1e-3 * beam)),
-        largest_load_asked_n=result.max_load_n, speed_mm_per_min=60e3 * result.speed_m_per_s,
-        stiffness_above_n=STIFFNESS_ABOVE_N, simulated_s=result.simulated_s, wall_s=result.wall_s,
+        settings=tuple(rows), heel_published_n_per_mm=1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
+        heel_stiffness_n_per_mm=None if heel is None else 1e-3 * stiffness(
+            displacement(heel), heel.load_n, where=_label(heel)),
+        speed_mm_per_min=60e3 * result.speed_m_per_s, simulated_s=result.simulated_s, wall_s=result.wall_s,
         compile_s=result.compile_s, unconverged_steps=sum(setting.unconverged_steps for setting in result.settings),
-        refined_steps=sum(setting.refined_steps for setting in result.settings), converged=result.converged)
+        refined_steps=sum(setting.refined_steps for setting in result.settings))
 
 
-def _bench_pass(setting: BenchSetting) -> BenchPass:
-    where, x, published = _label(setting), displacement(setting), published_stiffness(setting.fulcrum_m)
-    return BenchPass(
-        fulcrum_mm=None if setting.fulcrum_m is None else round(1e3 * setting.fulcrum_m, 9),
-        stiffness_n_per_mm=1e-3 * stiffness(x, setting.load_n, where=where),
-        mid_range_displacement_mm=1e3 * mid_range_displacement(x, setting.load_n, where=where),
-        max_load_n=float(np.max(setting.load_n)), max_displacement_mm=1e3 * float(x[-1]),
-        unconverged_steps=setting.unconverged_steps,
-        published_n_per_mm=None if published is None else 1e-3 * published, prediction=published is None)
+def closed_form_stiffness(foot: Mapping[str, Any], fulcrum_m: Any) -> np.ndarray:
+    """Stiffness (N/m) at `fulcrum_m` (m) of the overhung beam with the compliances of a foot, given as plain values.
 
-
-def closed_form_stiffness(parameters: Mapping[str, Any], fulcrum_m: np.ndarray) -> np.ndarray | None:
-    """Stiffness (N/m) of the overhung beam with the compliances in `parameters` at `fulcrum_m`.
-
-    `parameters` are plain values of the foot, or of the model that holds it as `foot`. None where they are not among
-    them, or the foam in series is not linear.
+    The foam, in series, has its mean slope between the two loads of the bench.
     """
-    foot = parameters.get("foot", parameters)
-    if foot.get("series_exponent", 1.0) != 1.0:
-        return None
-    try:
-        keel = foot["keel"]
-        bending = keel["flexural_modulus_pa"] * section_inertia(keel["width_m"], keel["thickness_m"])
-        return np.asarray(combined_stiffness(
-            bending_stiffness=bending, support=np.asarray(fulcrum_m, dtype=float), load_point=foot["load_point_m"],
-            fulcrum_stiffness=foot["fulcrum"]["stiffness_n_per_m"], series_stiffness=foot["series_stiffness_n_per_m"]))
-    except KeyError:
-        return None
+    keel, k, n = foot["keel"], foot["series_stiffness_n_per_m"], foot.get("series_exponent", 1.0)
+    low, high = ((load / k) ** (1.0 / n) for load in (STIFFNESS_ABOVE_N, LOAD_N))
+    return np.asarray(combined_stiffness(
+        bending_stiffness=keel["flexural_modulus_pa"] * section_inertia(keel["width_m"], keel["thickness_m"]),
+        support=np.asarray(fulcrum_m, dtype=float), load_point=foot["load_point_m"],
+        fulcrum_stiffness=foot["fulcrum"]["stiffness_n_per_m"],
+        series_stiffness=(LOAD_N - STIFFNESS_ABOVE_N) / (high - low)))
 
 
 def published_stiffness(fulcrum_m: float | None) -> float | None:
@@ -174,15 +151,6 @@ def _checked(displacement_m: np.ndarray, load_n: np.ndarray, where: str | None) 
         raise InputError(f"the load falls from {load[row - 1]:.4g} to {load[row]:.4g} N at {1e3 * x[row]:.4g} mm",
                          where=where, right="Stiffness needs a loading curve that rises all the way")
     return x, load
-
-
-def _position(x: np.ndarray, load: np.ndarray, level: float) -> float:
-    """Displacement at which the load first reaches `level`."""
-    row = int(np.argmax(load >= level))
-    if row == 0:
-        return float(x[0])
-    rise = load[row] - load[row - 1]
-    return float(x[row - 1] + (level - load[row - 1]) / rise * (x[row] - x[row - 1]))
 
 
 def _label(setting: BenchSetting) -> str:

@@ -78,20 +78,10 @@ class SweptTrial:
     synthetic: bool
     inputs: Mapping[str, str]
     fulcrum_mm: float
-    window_s: tuple[float, float]
-    mass_kg: float
     measured_peak_vertical_bw: float | None
     notes: tuple[str, ...]
     finished: int
     smallest_error: SmallestError | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class RowNotes:
-    """Doubts about the walk of a row, counted from 1."""
-
-    row: int
-    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +93,6 @@ class SweepTable:
     failed: int
     failures: tuple[str, ...]
     with_notes: int
-    notes: tuple[RowNotes, ...]
     unconverged_steps: int
     refined_steps: int
     varied: tuple[str, ...]
@@ -185,7 +174,6 @@ def sweep_table(
     failures = tuple(row.failure for row in rows if row.failure)
     return SweepTable(
         walks=len(rows), failed=len(failures), failures=failures, with_notes=sum(bool(row.notes) for row in rows),
-        notes=tuple(RowNotes(row=i, notes=row.notes) for i, row in enumerate(rows, start=1) if row.notes),
         unconverged_steps=sum(row.scores.unconverged_steps or 0 for row in rows),
         refined_steps=sum(row.scores.refined_steps or 0 for row in rows),
         varied=varied, plan=to_plain(dict(plan)), software=software(), columns={
@@ -209,7 +197,6 @@ def _swept_trial(name: str, trial: Trial, rows: Sequence[SweepRow], varied: Sequ
     least, best = min(stood, key=lambda pair: pair[0], default=(0.0, None))
     return SweptTrial(
         name=name, file=str(trial.path), synthetic=trial.synthetic, inputs=trial.inputs,
-        fulcrum_mm=round(1e3 * trial.fulcrum_m, 9), window_s=(trial.start_s, trial.end_s),
-        mass_kg=trial.subject.mass_kg, measured_peak_vertical_bw=measured_peak, notes=tuple(trial.notes),
-        finished=len(errors), smallest_error=None if best is None else SmallestError(
+        fulcrum_mm=round(1e3 * trial.fulcrum_m, 9), measured_peak_vertical_bw=measured_peak,
+        notes=tuple(trial.notes), finished=len(errors), smallest_error=None if best is None else SmallestError(
             grf_rmse_bw=least, at={key: best.varied(key) for key in varied}))

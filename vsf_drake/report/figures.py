@@ -87,20 +87,19 @@ def _bench_curves(axes: Axes, bench: BenchResult) -> None:
 
 
 def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
-    rows = [(row.fulcrum_mm, row) for row in table.settings if row.fulcrum_mm is not None]
+    rows = table.settings
     if rows:
-        span = np.linspace(rows[0][0], rows[-1][0], 100)
-        beam = closed_form_stiffness(bench.parameters, 1e-3 * span)
-        if beam is not None:
-            axes.plot(span, 1e-3 * beam, color=NEUTRAL, linewidth=1.2, linestyle=":",
-                      label="overhung beam, small deflection")
-    for i, (fulcrum_mm, row) in enumerate(rows):
-        colour = colour_of(fulcrum_mm)
-        if row.published_n_per_mm is not None:
-            axes.plot(fulcrum_mm, row.published_n_per_mm, marker="_", markersize=22, markeredgewidth=3.5,
+        span = np.linspace(rows[0].fulcrum_mm, rows[-1].fulcrum_mm, 100)
+        beam = closed_form_stiffness(bench.parameters["foot"], 1e-3 * span)
+        axes.plot(span, 1e-3 * beam, color=NEUTRAL, linewidth=1.2, linestyle=":",
+                  label="overhung beam, small deflection")
+    for i, row in enumerate(rows):
+        fulcrum_mm, colour, published = row.fulcrum_mm, colour_of(row.fulcrum_mm), row.published_n_per_mm
+        if published is not None:
+            axes.plot(fulcrum_mm, published, marker="_", markersize=22, markeredgewidth=3.5,
                       color=colour, alpha=MEASURED["alpha"], linestyle="")
         axes.plot(fulcrum_mm, row.stiffness_n_per_mm, marker=MARKERS[i % len(MARKERS)], color=colour,
-                  markersize=7, linestyle="", markerfacecolor="none" if row.prediction else colour)
+                  markersize=7, linestyle="", markerfacecolor="none" if published is None else colour)
         axes.annotate(f"{row.stiffness_n_per_mm:.1f}", (fulcrum_mm, row.stiffness_n_per_mm),
                       xytext=(0, 8), textcoords="offset points", ha="center", fontsize=8)
     axes.plot([], [], linestyle="", marker="o", color=NEUTRAL, label="simulated, calibrated end point")

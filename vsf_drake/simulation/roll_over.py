@@ -34,9 +34,7 @@ APART = 7
 """Coefficients whose effects one run tells apart: each reaches over 4 intervals of the spline, and dies out in 3."""
 MOST_IMPROVEMENTS = 6
 _GOOD_ENOUGH, _WORTHWHILE = 1e-3, 0.95
-ROUGHNESS_N_PER_M = 300.0
-"""What a second difference of the coefficients costs: 25 m/s^2 as much as an error of 0.2 N (a
-choice), so that the mount does not fling the foot about where its force hardly depends on it."""
+ROUGHNESS_N_PER_M = 300.0  # what a second difference of the coefficients costs: 25 m/s^2 as much as 0.2 N (a choice)
 _TRIAL_M = 5e-5
 _MOST_TRIALS = 40
 _FIRST_STIFFNESS = 5e4
@@ -51,8 +49,7 @@ class Following:
 
     wanted_n: np.ndarray  # (n,) N along the fixed line
     force_n: np.ndarray
-    height_m: np.ndarray  # (n,) of the mount's origin above the tilt axis, along that line
-    deflection_m: np.ndarray  # (n,) how much lower that is than where the unloaded foot would touch at the same tilt
+    deflection_m: np.ndarray  # (n,) how much lower the mount is than where the unloaded foot would touch at that tilt
 
     @property
     def residual_n(self) -> float:
@@ -67,7 +64,7 @@ class Following:
 
 def _follow_coarsely(
     stepper: Stepper, first: Inputs, q0: np.ndarray, *, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray,
-    start_height_m: float, axis_ahead_m: float
+    start_height_m: float
 ) -> np.ndarray:
     """(n + 1,) heights (m) of the mount above the tilt axis at which the foot bears `force_n`, step by step.
 
@@ -77,14 +74,14 @@ def _follow_coarsely(
     q, v = np.array(q0), np.zeros_like(q0)
     rate, stiffness = 0.0, _FIRST_STIFFNESS
     for k in range(len(time_s) - 1):
-        now = mount_path(tilt_rad[k : k + 1], heights[k : k + 1], axis_ahead_m=axis_ahead_m)
+        now = mount_path(tilt_rad[k : k + 1], heights[k : k + 1])
         last: list[Record] = []
 
         def force(
             height: float, k: int = k, now: np.ndarray = now, q: np.ndarray = q, v: np.ndarray = v,
             last: list[Record] = last
         ) -> float:
-            then = mount_path(tilt_rad[k + 1 : k + 2], np.array([height]), axis_ahead_m=axis_ahead_m)
+            then = mount_path(tilt_rad[k + 1 : k + 2], np.array([height]))
             path = np.column_stack([np.vstack([now, then]), first.prescribed_q[:, 3:]])
             record = stepper.run(dataclasses.replace(first, time_s=time_s[k : k + 2], prescribed_q=path), q, v)
             last[:] = [record]
@@ -178,25 +175,21 @@ def _root(force: Callable[[float], float], guess: float, wanted: float, stiffnes
 # Where the foot's mount goes when the platform under it tilts: the test's frame and the platform's.
 #
 # In a roll-over test the pylon stays on a fixed line and the platform under the foot turns by the tilt gamma about an
-# axis T across its surface; gamma < 0 lowers its front, so that the heel is loaded, gamma > 0 lifts it. With z along
-# the line, x forward and T as the origin the mount's origin is at (x0, h), x0 = minus how far T lies ahead of the line,
-# h its height above T.
+# axis T across its surface, under the line; gamma < 0 lowers its front, so that the heel is loaded. With z along the
+# line, x forward and T as the origin the mount's origin is at (0, h). Seen from the platform, which is then level
+# ground, everything turns by -gamma about T. So the foot's pitch (toes up) is -gamma, the mount's origin is at
 #
-# Seen from the platform, which is then level ground, everything turns by -gamma about T. So the foot's pitch (toes up)
-# is -gamma, the mount's origin is at
-#
-#     x = x0 cos(pitch) - h sin(pitch),    z = x0 sin(pitch) + h cos(pitch),
+#     x = -h sin(pitch),    z = h cos(pitch),
 #
 # and the test's line of force has the direction (-sin(pitch), 0, cos(pitch)). Contact knows relative motion only, so
 # both give the same forces, but for the inertia of the foot in a frame that turns, which is left out: at 2.5 rad/s and
 # 1 m/s that is a few newtons for 0.65 kg.
 
 
-def mount_path(tilt_rad: np.ndarray, height_m: np.ndarray, *, axis_ahead_m: float = 0.0) -> np.ndarray:
-    """(n, 3) forward (m, from T), up (m) and pitch (rad) of the mount over level ground: gamma, h, -x0 as above."""
-    pitch = -np.asarray(tilt_rad, dtype=float)
-    x0, h = -axis_ahead_m, np.asarray(height_m, dtype=float)
-    return np.column_stack([x0 * np.cos(pitch) - h * np.sin(pitch), x0 * np.sin(pitch) + h * np.cos(pitch), pitch])
+def mount_path(tilt_rad: np.ndarray, height_m: np.ndarray) -> np.ndarray:
+    """(n, 3) forward (m, from T), up (m) and pitch (rad) of the mount over level ground: gamma and h as above."""
+    pitch, h = -np.asarray(tilt_rad, dtype=float), np.asarray(height_m, dtype=float)
+    return np.column_stack([-h * np.sin(pitch), h * np.cos(pitch), pitch])
 
 
 def line_of_force(pitch_rad: np.ndarray) -> np.ndarray:
@@ -289,37 +282,35 @@ class RollOver:
         return self.follow(fulcrum_m=fulcrum_m, time_s=moments, mount=lowered(path))
 
     def roll(
-        self, *, fulcrum_m: float, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray,
-        axis_ahead_m: float = 0.0
+        self, *, fulcrum_m: float, time_s: np.ndarray, tilt_rad: np.ndarray, force_n: np.ndarray
     ) -> tuple[RollOverRun, Following]:
         """Rolls the foot: tilt and force (n + 1,) along the fixed line are given, the mount's height is found.
 
         The foot starts unloaded, as it touches. Returns the run along the heights that were found, and how well it
-        follows the force; for `axis_ahead_m` see `mount_path`.
+        follows the force.
         """
         # Height above T along the line of force at which the unloaded foot touches the tilted platform.
-        touch = [float((self.touch_height(-tilt)[0] - axis_ahead_m * np.sin(tilt)) / np.cos(tilt))
-                 for tilt in map(float, tilt_rad)]
-        start = mount_path(tilt_rad[:1], np.array(touch[:1]), axis_ahead_m=axis_ahead_m)
+        touch = self.touch_height(-tilt_rad) / np.cos(tilt_rad)
+        start = mount_path(tilt_rad[:1], touch[:1])
         stepper, first, q0 = self._begin(fulcrum_m, np.asarray(time_s[:2]), np.repeat(start, 2, axis=0))
         coarse_s = np.linspace(time_s[0], time_s[-1], COARSE_STEPS + 1)
         coarse = _follow_coarsely(
             stepper, first, q0, time_s=coarse_s, tilt_rad=np.interp(coarse_s, time_s, tilt_rad),
-            force_n=np.interp(coarse_s, time_s, force_n), start_height_m=touch[0], axis_ahead_m=axis_ahead_m)
+            force_n=np.interp(coarse_s, time_s, force_n), start_height_m=float(touch[0]))
         line = line_of_force(-tilt_rad[1:])
 
         def force_along(height: np.ndarray) -> np.ndarray:
-            mount = mount_path(tilt_rad, height, axis_ahead_m=axis_ahead_m)
+            mount = mount_path(tilt_rad, height)
             record = stepper.run(self._inputs(stepper, fulcrum_m, time_s, mount), q0, np.zeros_like(q0))
             return np.asarray(line[:, 0] * record.site("friction_x").sum(axis=1)
                               + line[:, 2] * record.site("normal_force").sum(axis=1))
 
         height = _smooth_path(coarse_s, coarse, time_s, force_along, force_n[1:])
-        mount = mount_path(tilt_rad, height, axis_ahead_m=axis_ahead_m)
+        mount = mount_path(tilt_rad, height)
         run = self.follow(fulcrum_m=fulcrum_m, time_s=time_s, mount=mount)
         return run, Following(
             wanted_n=np.asarray(force_n[1:], dtype=float), force_n=np.sum(run.grf_W * line, axis=1),
-            height_m=height[1:], deflection_m=np.array(touch[1:]) - height[1:])
+            deflection_m=touch[1:] - height[1:])
 
     def _begin(self, fulcrum_m: float, time_s: np.ndarray, mount: np.ndarray) -> tuple[Stepper, Inputs, np.ndarray]:
         """The machine along `mount`, and where it is at rest at first."""

@@ -153,7 +153,6 @@ class Hold(NamedTuple):
     """The settled person with the pelvis held at an attitude."""
 
     moments_nm: np.ndarray  # (2,) what it takes to hold pelvis_tilt and pelvis_list
-    prosthetic_share: float  # of the weight
     on_both_feet: bool  # whether each carries a share worth the name
 
 
@@ -227,8 +226,8 @@ class StandingPosture:
         load, tree = walk.record.load[-1], walk.mechanism.tree
         up = walk.prosthetic.grf_W[-1, 2], walk.intact.grf_W[-1, 2]
         share = float(up[0] / max(sum(up), 1e-9))
-        return Hold(moments_nm=np.array([load[tree.index(name)] for name in ROTATIONS[:2]]), prosthetic_share=share,
-                    on_both_feet=LEAST_SHARE < share < 1.0 - LEAST_SHARE)
+        moments = np.array([load[tree.index(name)] for name in ROTATIONS[:2]])
+        return Hold(moments, on_both_feet=LEAST_SHARE < share < 1.0 - LEAST_SHARE)
 
     def settled(self, tilt: float, list_: float) -> tuple[dict[str, float], float]:
         """Coordinates at rest under the load with the pelvis held at an attitude, and the largest speed left."""

@@ -1,68 +1,73 @@
-"""Statistics over settings and repeats, and the shape of curves, against closed forms and SciPy."""
+"""Curves of the bench: statistics and shapes of known answer, SciPy's regression, and the bench that a fit takes."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from vsf_drake.analysis.bench_metrics import at_loads
 from vsf_drake.analysis.validation.bench_lines import (
-    agreement,
-    at_loads,
-    curve_errors,
+    CurveValues,
+    SettingRow,
+    curve_values,
+    load_measured_bench,
     mean_and_half_width,
     regression,
     rising,
-    shape,
+    statistics,
     tangent,
     up_to,
 )
+from vsf_drake.bench_curves import load_bench_file
+from vsf_drake.errors import InputError
+from vsf_drake.files import resource
 
 MEASURED = np.array([10.0, 13.7, 18.4, 24.3, 32.0])
 LOADS = np.linspace(0.0, 600.0, 601)
 
 
 def test_the_regression_is_scipys_and_its_band_that_of_the_mean_response():
-    simulated = MEASURED + np.array([0.3, -0.4, 0.2, 0.1, -0.6])
-    found, band = regression(MEASURED, simulated, np.array([MEASURED.mean(), 40.0]))
+    simulated, at = MEASURED + np.array([0.3, -0.4, 0.2, 0.1, -0.6]), np.array([MEASURED.mean(), 40.0])
+    band = regression(MEASURED, simulated, at)
     theirs, t = stats.linregress(MEASURED, simulated), stats.t.ppf(0.975, 3)
-    assert found.slope == pytest.approx(theirs.slope) and found.intercept == pytest.approx(theirs.intercept)
-    assert found.slope_half_width == pytest.approx(t * theirs.stderr)
-    assert found.intercept_half_width == pytest.approx(t * theirs.intercept_stderr)
+    np.testing.assert_allclose(band["line"], theirs.intercept + theirs.slope * at)
     design = np.column_stack([np.ones(5), MEASURED])
     left = simulated - design @ [theirs.intercept, theirs.slope]
     covariance = np.linalg.inv(design.T @ design) * (left @ left) / 3
-    for i, x in enumerate((MEASURED.mean(), 40.0)):
-        half = t * np.sqrt(np.array([1.0, x]) @ covariance @ np.array([1.0, x]))
-        assert band["high"][i] - band["line"][i] == pytest.approx(half)
-        assert band["line"][i] - band["low"][i] == pytest.approx(half)
-
-
-def test_the_band_holds_the_true_line_in_95_of_100_benches():
-    draw = np.random.default_rng(1)
-    inside = []
-    for _ in range(2000):
-        _, band = regression(MEASURED, 1.0 + 0.9 * MEASURED + draw.normal(0.0, 0.5, 5), np.array([28.0]))
-        inside.append(band["low"][0] < 1.0 + 0.9 * 28.0 < band["high"][0])
-    assert np.mean(inside) == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 2000))
-
-
-def test_two_points_make_no_band_and_equal_ones_no_line():
+    half = [t * np.sqrt(np.array([1.0, x]) @ covariance @ np.array([1.0, x])) for x in at]
+    np.testing.assert_allclose([band["high"] - band["line"], band["line"] - band["low"]], [half, half])
     assert regression(MEASURED[:2], MEASURED[:2], MEASURED) is None
     assert regression(np.full(4, 10.0), np.arange(4.0), MEASURED) is None
 
 
-def test_agreement_tells_a_scale_from_a_scatter():
-    """Twice the measurement correlates fully and explains nothing."""
-    found = agreement(2.0 * MEASURED, MEASURED)
-    assert found.correlation2 == pytest.approx(1.0) and found.r2 < 0.0
-    assert found.rmse == pytest.approx(np.sqrt(np.mean(MEASURED**2)))
-    low, high = stats.t.interval(0.95, 4, loc=MEASURED.mean(), scale=stats.sem(MEASURED))
-    assert found.bias == pytest.approx(MEASURED.mean())
-    assert found.bias_half_width == pytest.approx((high - low) / 2)
-    assert agreement(MEASURED, MEASURED).r2 == 1.0
-    one = agreement(MEASURED[:1], MEASURED[:1] + 1.0)
-    assert (one.r2, one.correlation2, one.bias_half_width, one.rmse) == (None, None, None, 1.0)
+def test_the_band_holds_the_true_line_in_95_of_100_benches():
+    draw, inside = np.random.default_rng(1), []
+    for _ in range(2000):
+        band = regression(MEASURED, 1.0 + 0.9 * MEASURED + draw.normal(0.0, 0.5, 5), np.array([28.0]))
+        inside.append(band["low"][0] < 1.0 + 0.9 * 28.0 < band["high"][0])
+    assert np.mean(inside) == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 2000))
+
+
+def compared(k, mid, rmse=None):
+    return CurveValues(stiffness_n_per_mm=k, mid_range_mm=mid, max_displacement_mm=1.0, curvature_share=0.0,
+                       curve_rmse_mm=rmse)
+
+
+def test_agreement_is_that_of_the_forefoots_settings_with_a_stiffness():
+    """Twice the measurement explains nothing; the heel and a pass of too little load do not count."""
+    def row(x, k):
+        return SettingRow(fulcrum_mm=x, max_load_n=600.0, repeats=1, published_n_per_mm=None, lines={
+            "measured": compared(k, 10.0), "model": compared(k and 2.0 * k, 13.0, 4.0)})
+
+    rows = [*(row(i, k) for i, k in enumerate(MEASURED)), row(9.0, None), row(None, 1e3)]
+    found = statistics(rows, "model")
+    assert found.n == 5 and (found.mid_range_rmse_mm, found.curve_rmse_mm) == (3.0, 4.0)
+    assert found.stiffness_rmse_n_per_mm == pytest.approx(np.sqrt(np.mean(MEASURED**2)))
+    assert found.stiffness_r2 == pytest.approx(1.0 - np.sum(MEASURED**2) / (4.0 * 5.0 * np.var(MEASURED)) * 4.0)
+    assert statistics(rows[:1], "model").stiffness_r2 is None and statistics(rows[5:], "model") is None
 
 
 def test_repeats_have_students_interval_and_one_pass_none():
@@ -74,48 +79,104 @@ def test_repeats_have_students_interval_and_one_pass_none():
 
 
 def test_two_springs_differ_by_their_compliances():
-    """x / k and x / (2 k) up to 600 N: root mean square over the load of F / k - F / 2k, and of k x - 2k x."""
-    found = curve_errors(LOADS / 10.0, LOADS, LOADS / 20.0, LOADS)
-    assert found["displacement"] == pytest.approx(600.0 / 20.0 / np.sqrt(3.0), rel=5e-3)
-    assert found["load"] == pytest.approx(300.0 / np.sqrt(3.0), rel=5e-3)
+    """x = F / k and F / 2k up to 600 N: root mean square over the load of F / k - F / 2k."""
+    found = curve_values((LOADS / 10.0, LOADS), (LOADS / 20.0, LOADS))
+    assert found.curve_rmse_mm == pytest.approx(600.0 / 20.0 / np.sqrt(3.0), rel=5e-3)
+    assert found.mid_range_offset_mm == pytest.approx(15.0) and found.max_displacement_mm == 60.0
 
 
-def test_a_noisy_curve_becomes_the_nearest_that_rises_and_a_rising_one_stays():
+def test_a_noisy_curve_becomes_the_nearest_that_rises_and_is_cut_between_its_samples():
     x, load = np.arange(5.0), np.array([0.0, 2.0, 1.0, 3.0, 4.0])
     np.testing.assert_allclose(rising(x, load)[1], [0.0, 1.5, 1.5, 3.0, 4.0])
-    assert rising(x, np.sort(load))[1] is not None and (rising(x, np.sort(load))[1] == np.sort(load)).all()
-    assert at_loads(x, np.array([0.0, 1.5, 1.5, 3.0, 4.0]), np.array([1.5, 5.0]))[0] == 1.0
-
-
-def test_a_curve_is_cut_at_a_load_between_its_samples():
+    np.testing.assert_array_equal(rising(x, np.sort(load))[1], np.sort(load))
+    np.testing.assert_allclose(at_loads(*rising(x, load), [0.75, 2.25, 5.0]), [0.5, 2.5, np.nan])
     x, load = up_to(np.array([0.0, 1.0, 2.0]), np.array([0.0, 10.0, 30.0]), 15.0)
-    np.testing.assert_allclose(x, [0.0, 1.0, 1.25])
-    np.testing.assert_allclose(load, [0.0, 10.0, 15.0])
+    np.testing.assert_allclose([x, load], [[0.0, 1.0, 1.25], [0.0, 10.0, 15.0]])
 
 
-def test_a_linear_spring_is_straight():
-    found = shape(LOADS / 25.0, LOADS)
-    assert found.line_r2 == pytest.approx(1.0) and found.line_r2_above == pytest.approx(1.0)
-    assert found.curvature_share == pytest.approx(0.0, abs=1e-12) and found.toe == pytest.approx(0.0, abs=1e-9)
-    assert found.first_slope_ratio == pytest.approx(1.0)
-    np.testing.assert_allclose(tangent(LOADS / 25.0, LOADS, np.array([100.0, 500.0])), 25.0)
-
-
-def test_a_toe_is_the_displacement_that_the_soft_start_adds():
-    """10 N/mm up to 100 N, then 20: the line through 200 N with slope 20 starts 5 mm late, of 35 mm."""
+def test_slope_and_curvature_of_a_spring_of_one_that_hardens_and_of_a_foam_in_series():
+    """10 N/mm up to 100 N, then 20; x = F / k + (F / c)^(1 / n)."""
+    straight = curve_values((LOADS / 25.0, LOADS))
+    assert straight.curvature_share == pytest.approx(0.0, abs=1e-12) and straight.stiffness_n_per_mm == 25.0
     x = np.where(LOADS < 100.0, LOADS / 10.0, 10.0 + (LOADS - 100.0) / 20.0)
-    found = shape(x, LOADS)
-    assert found.toe == pytest.approx(5.0) and found.toe_share == pytest.approx(5.0 / 35.0)
-    assert found.first_slope_ratio == pytest.approx(0.5) and found.line_r2_above == pytest.approx(1.0)
-    assert found.curvature_share * 35.0 == pytest.approx(10.0 - 100.0 * 35.0 / 600.0)
+    assert curve_values((x, LOADS)).curvature_share * 35.0 == pytest.approx(10.0 - 100.0 * 35.0 / 600.0)
     slope = tangent(x, LOADS, np.array([10.0, 50.0, 150.0, 590.0]))
-    np.testing.assert_allclose(slope[1:3], [10.0, 20.0])
-    assert np.isnan(slope[[0, 3]]).all()
-
-
-def test_a_hertz_like_foam_in_series_has_the_slope_of_its_law():
-    """x = F / k + (F / c)^(1 / n)."""
+    np.testing.assert_allclose(slope, [np.nan, 10.0, 20.0, np.nan])
     k, c, n = 20.0, 8.0, 1.5
     loads = np.linspace(0.0, 600.0, 6001)
     slope = tangent(loads / k + (loads / c) ** (1.0 / n), loads, np.array([300.0]))[0]
     assert slope == pytest.approx(1.0 / (1.0 / k + (300.0 / c) ** (1.0 / n) / (n * 300.0)), rel=1e-3)
+
+
+# The bench that a fit takes: of curves whose stiffness and displacement are known, and of the stated file.
+
+DATA = resource("data/reference_subject")
+HEAD = "fulcrum_mm,displacement_mm,load_n,repeat\n"
+
+
+def written(folder, text, name="curves.csv"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def rows(fulcrum, law, *, to=600.0, repeat=1, start=0.0):
+    """A pass in which the displacement (mm) is `law` of the load (N), 10 N apart."""
+    loads = np.append(np.arange(0.0, to, 10.0), to)
+    return "".join(f"{fulcrum},{start + law(load):.9f},{load},{repeat}\n" for load in loads)
+
+
+def spring(n_per_mm):
+    return lambda load: load / n_per_mm
+
+
+def square(load):
+    """A foam of 600 N at 20 mm whose load is the square of its depth."""
+    return 20.0 * math.sqrt(load / 600.0)
+
+
+def test_a_spring_and_a_curve_that_hardens_have_their_mean_slope_above_200_n_and_their_travel(tmp_path):
+    read = load_measured_bench(written(tmp_path, HEAD + rows(66, spring(10.0), start=3.0) + rows("", spring(60.0))))
+    assert (read.name, read.synthetic, read.fulcrum_m, read.max_load_n) == ("curves", False, (0.066,), 600.0)
+    assert read.stiffness_n_per_m == pytest.approx((10e3,)) and read.heel_stiffness_n_per_m == pytest.approx(60e3)
+    assert read.mid_range_m == pytest.approx((0.030,)) and read.heel_mid_range_m == pytest.approx(0.005)
+    assert read.uncertainty_n_per_m == 500.0 and read.mid_range_uncertainty_m == pytest.approx(5e-4)
+    head = "# synthetic: true\n#  Stiffness_uncertainty_N_per_mm : 0.3\n\"# displacement_uncertainty_mm: 1.5\",,\n"
+    read = load_measured_bench(written(tmp_path, head + HEAD + rows(108, square), "UPPER.CSV"))
+    assert read.stiffness_n_per_m == pytest.approx((400e3 / (20.0 * (1.0 - math.sqrt(1 / 3))),), rel=1e-6)
+    assert read.mid_range_m == pytest.approx((0.020 * math.sqrt(0.5),), rel=1e-6)
+    assert read.heel_stiffness_n_per_m is read.heel_mid_range_m is None and read.synthetic
+    assert read.uncertainty_n_per_m == pytest.approx(300.0) and read.mid_range_uncertainty_m == pytest.approx(1.5e-3)
+
+
+def test_repeats_are_averaged_and_all_are_cut_to_the_smallest_load(tmp_path):
+    text = HEAD + rows(66, spring(10.0)) + rows(66, spring(12.0), repeat=2) + rows(151, square, to=500.0)
+    read = load_measured_bench(written(tmp_path, text))
+    assert read.max_load_n == 500.0 and read.fulcrum_m == (0.066, 0.151)
+    assert read.stiffness_n_per_m[0] == pytest.approx(11e3)
+    assert read.mid_range_m == pytest.approx((0.5 * (250 / 10 + 250 / 12) * 1e-3, 1e-3 * square(250.0)), rel=1e-4)
+
+
+def test_the_reference_subjects_two_files_tell_one_stiffness():
+    curves, stated = load_measured_bench(DATA / "bench_curves.csv"), load_measured_bench(DATA / "bench.yaml")
+    assert stated == load_bench_file(DATA / "bench.yaml") and stated.mid_range_m is None
+    assert curves.fulcrum_m == stated.fulcrum_m and curves.max_load_n == stated.max_load_n and curves.synthetic
+    np.testing.assert_allclose((*curves.stiffness_n_per_m, curves.heel_stiffness_n_per_m),
+                               (*stated.stiffness_n_per_m, stated.heel_stiffness_n_per_m), rtol=5e-5)
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    (HEAD + rows("", spring(65.0)), ["column fulcrum", "holds the heel only"]),
+    (HEAD + rows(66, spring(10.0)) + rows(108, spring(18.0), to=220.0),
+     ["fulcrum at 108 mm, column load", "220 N", "above 200 N"]),
+    ("# stiffness_uncertainty_n_per_mm: much\n" + HEAD + rows(66, square),
+     ["line 1, # stiffness_uncertainty_n_per_mm", "'much' is not usable", "N/mm"]),
+    ("# displacement_uncertainty_mm: 0\n" + HEAD + rows(66, square), ["line 1", "'0' is not usable", "300 mm"]),
+    ("# displacement_uncertainty: 1\n" + HEAD + rows(66, square), ["line 1", "There are: stiffness_uncertainty_n_per"]),
+    (2 * "# displacement_uncertainty_mm: 1\n" + HEAD + rows(66, square), ["line 2", "stands twice"])])
+def test_what_is_wrong_is_named(tmp_path, text, words):
+    path = written(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        load_measured_bench(path)
+    for word in (f"{path}: ", *words):
+        assert word in str(caught.value)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -12,20 +11,23 @@ from made_study import embedded_study, saved_section
 from vsf_drake.analysis.validation import bench_section as bench
 from vsf_drake.analysis.validation.bench_lines import Machine
 from vsf_drake.analysis.validation.bench_section import (
+    FINER,
     bench_section,
+    calibrated,
     load_points,
     rates,
-    small_load_stiffness,
     standing_section,
 )
 from vsf_drake.bench_curves import BenchCurves, MeasuredCurve
 from vsf_drake.errors import SimulationError
-from vsf_drake.files import plain, resource
+from vsf_drake.files import resource
 from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, overhung_stiffness, section_inertia
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FOAM_DAMPING_TIME_S
 from vsf_drake.plants.foot import with_elements
-from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
+from vsf_drake.simulation.bench import run_bench
+
+FULCRUMS = (0.066, 0.151)
 
 
 def study(curves=None, **changes):
@@ -63,12 +65,11 @@ def line(section, key):
 
 def test_the_paper_s_mid_range_figure_is_reached_where_two_curves_were_given_and_judged_honestly_elsewhere(reference):
     """The stored fit has seen stiffness only; its offset counts, whatever it is."""
-    assert reference.table.n == 5 and line(reference, "nominal").statistics.stiffness_rmse_n_per_mm <= 1.37
+    assert reference.table.lines[0].statistics.n == 5
+    assert line(reference, "nominal").statistics.stiffness_rmse_n_per_mm <= 1.37
     assert line(reference, "calibrated").statistics.mid_range_rmse_mm <= 0.45
     assert line(reference, "calibrated").held_out.mid_range_rmse_mm <= 0.45
     assert reference.table.within_limits == dict.fromkeys(reference.table.limits, True)
-    for one in reference.table.lines:
-        assert one.within_limits["mid_range_rmse_mm"] == (one.statistics.mid_range_rmse_mm <= 0.45)
 
 
 def test_the_values_are_those_of_the_bench_command(compared_only):
@@ -80,45 +81,52 @@ def test_the_values_are_those_of_the_bench_command(compared_only):
         assert row.lines["model"].stiffness_n_per_mm == pytest.approx(400.0 / (high - low), rel=1e-3)
         middle = np.interp(300.0, setting.load_n, 1e3 * setting.platen_m)
         assert row.lines["model"].mid_range_mm == pytest.approx(middle, rel=1e-3)
-        assert row.lines["model"].stored_j == pytest.approx(
-            1e-3 * np.trapezoid(setting.load_n, 1e3 * setting.platen_m), rel=6e-3)
     assert [one.key for one in found.lines] == ["model", "refined"]
+
+
+def chain(foot, fulcrum_m):
+    """Small-load stiffness (N/mm) of the keel's sprung joints on the fulcrum, the foam in series."""
+    k, n = foot.series_stiffness_n_per_m, foot.series_exponent
+    low, high = ((load / k) ** (1.0 / n) for load in (200.0, 600.0))
+    return 1e-3 * lumped_stiffness(
+        bending_stiffness=foot.keel.flexural_modulus_pa * section_inertia(foot.keel.width_m, foot.keel.thickness_m),
+        element_lengths=foot.keel.element_lengths_m, support=fulcrum_m, load_point=foot.load_point_m,
+        fulcrum_stiffness=foot.fulcrum.stiffness_n_per_m, series_stiffness=400.0 / (high - low))
 
 
 def test_a_finer_keel_differs_by_what_the_chain_of_sprung_joints_differs_from_itself(reference):
     """The closed form of both chains for small loads, at each setting: softest where the fulcrum stands far back."""
     foot = embedded_study().model.foot
-    finer = with_elements(foot, line(reference, "refined").elements)
+    finer = with_elements(foot, FINER * len(foot.keel.element_lengths_m))
     for row in reference.table.settings[:-1]:
-        fulcrum = 1e-3 * row.fulcrum_mm
-        expected = small_load_stiffness(finer, fulcrum, chain=True) / small_load_stiffness(foot, fulcrum, chain=True)
         found = row.lines["refined"].stiffness_n_per_mm / row.lines["model"].stiffness_n_per_mm
-        assert found == pytest.approx(expected, abs=0.01)
+        x = 1e-3 * row.fulcrum_mm
+        assert found == pytest.approx(chain(finer, x) / chain(foot, x), abs=0.01)
     assert reference.table.settings[-1].lines["refined"] is None
 
 
 def test_a_foot_measured_against_itself_errs_by_nothing(compared_only):
     model = embedded_study().model
-    table = bench_section(study(made(model.foot, (*PUBLISHED_FULCRUMS_M, None)))).table
+    section = bench_section(study(made(model.foot, (0.066, 0.108, 0.151, None))))
+    table = section.table
+    np.testing.assert_allclose(section.arrays["regression_line"], section.arrays["regression_measured_n_per_mm"])
     assert table.stiffness_r2 == pytest.approx(1.0, abs=1e-9)
     assert table.stiffness_rmse_n_per_mm < 1e-9 and table.mid_range_rmse_mm < 1e-9
-    assert table.regression.slope == pytest.approx(1.0, abs=1e-9)
     assert all(row.lines["model"].curve_rmse_mm < 1e-9 for row in table.settings)
     assert table.within_limits == dict.fromkeys(table.limits, True)
 
 
-@pytest.mark.slow
-def test_the_calibration_finds_the_foot_that_was_measured(compared_only):
+def test_the_calibration_finds_the_foot_that_was_measured():
     foot = embedded_study().model.foot
     true = dataclasses.replace(
         foot, fulcrum=dataclasses.replace(foot.fulcrum, stiffness_n_per_m=145e3),
         series_stiffness_n_per_m=300.0 / 0.005**1.6, series_exponent=1.6)
-    section = bench_section(study(made(true, PUBLISHED_FULCRUMS_M)))
-    found = line(section, "calibrated")
-    assert found.fulcrum_stiffness_n_per_m == pytest.approx(145e3, rel=5e-3)
-    assert found.series_exponent == pytest.approx(1.6, abs=0.01) and not found.at_bound
-    assert found.held_out.n == 3 and found.held_out.curve_rmse_mm < 0.02
-    assert section.table.mid_range_rmse_mm > 0.1
+    machine = Machine(true)
+    found, at_bound = calibrated(foot, {x: machine.press(x)[:2] for x in FULCRUMS})
+    assert found.fulcrum.stiffness_n_per_m == pytest.approx(145e3, rel=5e-3) and not at_bound
+    assert found.series_exponent == pytest.approx(1.6, abs=0.01)
+    other = [Machine(one).press(0.108)[0][-1] for one in (true, found, foot)]
+    assert abs(other[1] - other[0]) < 0.02 and abs(other[2] - other[0]) > 0.1
 
 
 def test_repeats_give_the_measurement_a_band_and_noise_does_no_harm(compared_only):
@@ -126,9 +134,9 @@ def test_repeats_give_the_measurement_a_band_and_noise_does_no_harm(compared_onl
     section = bench_section(study(made(model.foot, (0.066, 0.108, 0.151), draw=draw, repeats=4)))
     assert not any("One measured pass" in sentence for sentence in section.missing)
     for row in section.table.settings[:3]:
-        assert row.repeats == 4 and 0.0 < row.measured.stiffness_n_per_mm_half_width < 0.5
-        own = row.lines["model"]
-        assert abs(own.stiffness_error_n_per_mm) < 0.3 and abs(own.mid_range_offset_mm) < 0.3
+        measured, own = row.lines["measured"], row.lines["model"]
+        assert row.repeats == 4 and 0.0 < measured.stiffness_n_per_mm_half_width < 0.5
+        assert abs(own.stiffness_n_per_mm - measured.stiffness_n_per_mm) < 0.3 and abs(own.mid_range_offset_mm) < 0.3
     assert np.isfinite(section.arrays["measured_half_width_mm"][:3, 10:-10]).all()
     assert np.isnan(section.arrays["measured_half_width_mm"][3]).all()
 
@@ -137,33 +145,31 @@ def test_without_curves_the_published_end_points_stand_and_no_statistic_is_made_
     section = bench_section(study(bench_problem="bench.csv: bad"))
     table = section.table
     assert (table.stiffness_r2, table.stiffness_rmse_n_per_mm, table.mid_range_rmse_mm) == (None, None, None)
-    assert table.n == 0 and table.regression is None and not table.measured
+    assert table.lines[0].statistics is table.measured_name is None and "regression_line" not in section.arrays
     assert any("no R²" in sentence for sentence in section.missing)
-    ends = {row.fulcrum_mm: row.published_n_per_mm for row in line(section, "nominal").end_points}
-    assert ends == {66.0: 10.0, 151.0: 32.0, None: 65.0}
-    assert all(abs(row.error_n_per_mm) < 0.1 for row in line(section, "nominal").end_points)
+    ends = {row.fulcrum_mm: (k, row.lines["nominal"].stiffness_n_per_mm)
+            for row in table.settings if (k := row.published_n_per_mm)}
+    assert {x: k for x, (k, _) in ends.items()} == {66.0: 10.0, 151.0: 32.0, None: 65.0}
+    assert all(found == pytest.approx(k, abs=0.1) for k, found in ends.values())
 
 
 def test_partial_benches_say_what_they_lack(compared_only):
     foot = embedded_study().model.foot
     heel = bench_section(study(made(foot, (None,))))
-    assert heel.table.n == 0 and any("heel only" in sentence for sentence in heel.missing)
-    assert heel.table.settings[-1].measured is not None
+    assert heel.table.lines[0].statistics is None and any("heel only" in sentence for sentence in heel.missing)
+    assert heel.table.settings[-1].lines["measured"] is not None
     weak = [
         *made(foot, (0.066,)), dataclasses.replace(made(foot, (0.108,))[0], displacement_m=np.linspace(0.0, 0.012, 20),
                             load_n=np.linspace(0.0, 150.0, 20), fulcrum_m=0.108),
         dataclasses.replace(made(foot, (0.108,))[0], fulcrum_m=0.180)]
     section = bench_section(study(weak))
     said = " ".join(section.missing)
-    assert section.table.n == 1 and section.table.stiffness_r2 is None
+    assert section.table.lines[0].statistics.n == 1 and section.table.stiffness_r2 is None
     assert "108 mm: at most 150 N" in said and "heel was not measured" in said and "out of the carriage's reach" in said
     assert "Fewer than three measured positions" in said
     rows = {row.fulcrum_mm: row for row in section.table.settings}
-    assert rows[108.0].measured.stiffness_n_per_mm is None and rows[108.0].lines["model"].mid_range_mm > 0.0
-    assert rows[180.0].lines["model"] is None and rows[180.0].measured.stiffness_n_per_mm > 0.0
-
-
-FULCRUMS = (0.066, 0.151)
+    assert rows[108.0].lines["measured"].stiffness_n_per_mm is None and rows[108.0].lines["model"].mid_range_mm > 0.0
+    assert rows[180.0].lines["model"] is None and rows[180.0].lines["measured"].stiffness_n_per_mm > 0.0
 
 
 @pytest.fixture(scope="module")
@@ -195,11 +201,12 @@ def viscous_loss_j(foot, fulcrum_m: float, top_m: float, speed_m_per_s: float) -
 
 def test_the_loss_is_that_of_viscous_springs_in_series(loops, nominal):
     """Within the 10 % that large deflection and the coarse chain add to stiffness."""
-    rows, _, missing = loops
+    rows, arrays, missing = loops
     assert not missing
+    top = {x: 1e-3 * loop[0, -1] for x, loop in zip(FULCRUMS, arrays["loop_mm"], strict=True)}
     for row in rows:
-        expected = viscous_loss_j(nominal.foot, 1e-3 * row.fulcrum_mm, 1e-3 * row.max_displacement_mm,
-                                  1e-3 * row.speed_mm_per_min / 60.0)
+        fulcrum = 1e-3 * row.fulcrum_mm
+        expected = viscous_loss_j(nominal.foot, fulcrum, top[fulcrum], 1e-3 * row.speed_mm_per_min / 60.0)
         assert row.lost_j == pytest.approx(expected, rel=0.12), row
 
 
@@ -210,15 +217,14 @@ def test_the_loss_grows_with_the_speed_and_never_gives_energy(loops):
         assert fast.lost_j / middle.lost_j == pytest.approx(10.0, rel=0.07)
         for row in (slow, middle, fast):
             assert 0.0 < row.return_ratio < 1.0
-            assert row.stored_j == pytest.approx(row.returned_j + row.lost_j)
-            assert row.max_load_n == pytest.approx(600.0, abs=0.5) and row.unconverged_steps == 0
+            assert row.unconverged_steps == 0
 
 
 def test_a_nearly_linear_foot_stores_what_a_linear_spring_does(loops):
     """At 151 mm the keel hardly bends and the nominal foam is linear: F²/2k. At 66 mm it stiffens a little."""
     for row in loops[0]:
-        assert row.stored_j == pytest.approx(row.linear_spring_j, rel=2e-3 if row.fulcrum_mm > 150 else 5e-3,
-                                                abs=0.03)
+        assert row.stored_j == pytest.approx(0.5e-3 * 600.0**2 / row.stiffness_n_per_mm, abs=0.03,
+                                             rel=2e-3 if row.fulcrum_mm > 150 else 5e-3)
 
 
 def test_loops_go_up_and_come_back_below(loops):
@@ -247,32 +253,20 @@ def test_a_hardly_bent_keel_is_the_chain_of_its_closed_form(nominal):
     for fulcrum in FULCRUMS:
         x, load, _ = Machine(foot).press(fulcrum, 600.0, 1e-6)
         low, high = np.interp([200.0, 600.0], load, x)
-        assert 4e5 / (high - low) == pytest.approx(small_load_stiffness(foot, fulcrum, chain=True), rel=2e-3)
+        assert 400.0 / (high - low) == pytest.approx(chain(foot, fulcrum), rel=2e-3)
     rows, missing = load_points(dataclasses.replace(nominal, foot=foot), FULCRUMS)
     assert not missing and len(rows) == 8
     for row in rows:
-        exact = lumped_stiffness(
-            bending_stiffness=keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
-            element_lengths=keel.element_lengths_m, support=1e-3 * row.fulcrum_mm,
-            load_point=1e-3 * row.load_point_mm, fulcrum_stiffness=1e8, series_stiffness=1e6)
-        assert row.chain_n_per_mm == pytest.approx(1e-3 * exact)
+        own = dataclasses.replace(foot, load_point_m=1e-3 * row.load_point_mm)
+        # at the bench's own speed so stiff a keel's damping bears a per cent or more
+        assert row.stiffness_n_per_mm == pytest.approx(chain(own, 1e-3 * row.fulcrum_mm), rel=0.02)
+        assert row.closed_form_n_per_mm == pytest.approx(row.stiffness_n_per_mm, rel=0.06)
 
 
 def test_a_load_ahead_of_the_keel_is_named(nominal):
     foot = dataclasses.replace(nominal.foot, load_point_m=0.229)
     rows, missing = load_points(dataclasses.replace(nominal, foot=foot), FULCRUMS)
     assert len(rows) == 6 and len(missing) == 1 and "239 mm" in missing[0]
-
-
-def test_the_foam_counts_with_its_mean_slope_between_the_loads(nominal):
-    """x = (F / k)^(1/n): 400 N over the depth between 200 and 600 N, in series with the beam."""
-    k, n = 2e5, 1.3
-    foot = dataclasses.replace(nominal.foot, series_stiffness_n_per_m=k, series_exponent=n)
-    depth = (600.0 / k) ** (1.0 / n) - (200.0 / k) ** (1.0 / n)
-    stiff = dataclasses.replace(nominal.foot, series_stiffness_n_per_m=1e30)
-    assert 1.0 / small_load_stiffness(foot, 0.1) == pytest.approx(
-        1.0 / small_load_stiffness(stiff, 0.1) + depth / 400.0, rel=1e-9)
-    assert math.isfinite(small_load_stiffness(foot, 0.1, chain=True))
 
 
 @pytest.fixture(scope="module")
@@ -306,7 +300,6 @@ def test_failed_standing_is_told_and_the_others_stand(monkeypatch):
     monkeypatch.setattr(bench, "simulate_standing", failing)
     found = standing_section(embedded_study())
     assert found.table.worst_mass_error is not None and found.table.all_stand is False
-    assert plain(found.table.rows[0])["mass_predicted_kg"] is None
     assert "the person fell" in found.table.rows[0].failure
     assert found.table.rows[1].failure is None
     assert any("66 mm failed" in sentence for sentence in found.missing)

@@ -15,7 +15,6 @@ from shown_chapter import Shown
 
 from vsf_drake.analysis.validation.bench_section import FallenRow
 from vsf_drake.analysis.validation.energy_section import Softer
-from vsf_drake.analysis.validation.roll_over_section import Mean
 from vsf_drake.analysis.validation.sensitivity_indices import Index
 from vsf_drake.analysis.validation.sensitivity_section import (
     OUTPUTS,
@@ -30,6 +29,7 @@ from vsf_drake.analysis.validation.sensitivity_section import (
     WalkedCondition,
 )
 from vsf_drake.analysis.validation.settings_section import PairRow, SettingsTable
+from vsf_drake.analysis.validation.study import Spread
 from vsf_drake.files import plain
 from vsf_drake.report.page import cell
 from vsf_drake.report.style import save_figure
@@ -138,13 +138,12 @@ def test_measured_curves_are_solid_and_simulated_ones_dashed(saved):
 
 def test_bench_without_curves_rates_and_load_points_shows_the_published_end_points(saved):
     table, arrays = saved("bench")
-    lines = tuple(replace(line, statistics=None) for line in table.lines[:3])
-    settings = tuple(replace(row, measured=None, repeats=0, lines={
-        key: value and type(value).__mro__[1](**{name: getattr(value, name) for name in (
-            "stiffness_n_per_mm", "mid_range_mm", "max_displacement_mm", "stored_j", "shape")})
-        for key, value in row.lines.items()}) for row in table.settings)
-    bare = replace(table, lines=lines, settings=settings, n=0, measured=False, measured_name=None, regression=None,
-                   measured_synthetic=None, rates=(), load_points=())
+    lines = tuple(replace(line, statistics=None, held_out=None) for line in table.lines[:3])
+    settings = tuple(replace(row, repeats=0, lines={
+        key: value and replace(value, mid_range_offset_mm=None, curve_rmse_mm=None)
+        for key, value in row.lines.items()} | {"measured": None}) for row in table.settings)
+    bare = replace(table, lines=lines, settings=settings, measured_name=None, measured_synthetic=None, rates=(),
+                   load_points=())
     arrays |= {"measured_mm": np.full_like(arrays["measured_mm"], np.nan)}
     shown = assert_sound(bench_chapter, bare, arrays)
     assert list(shown.alts) == FIGURES["bench"][:3] and "bench_comparison" not in shown.grids
@@ -165,7 +164,7 @@ def test_mass_stands_beside_the_known_one_and_a_standing_that_failed_stays_empty
     bars = shown.figures["standing"].axes[1].patches
     assert bars[0].get_height() + bars[3].get_height() == pytest.approx(row["weight_n"], rel=1e-4)
 
-    fallen = FallenRow(fulcrum_mm=66.0, mass_known_kg=78.0, failure="the person fell", unknown={"drift_mm": None})
+    fallen = FallenRow(fulcrum_mm=66.0, mass_known_kg=78.0, failure="the person fell")
     table = replace(table, rows=(fallen, *table.rows[1:]), worst_mass_error=-0.031)
     shown = assert_sound(standing_chapter, table, arrays)
     assert "at most 3.10 %" in shown.paragraphs[0]
@@ -307,8 +306,8 @@ def test_without_walks_profile_inclined_loading_or_a_measured_path_the_rest_is_s
         assert len(shown.alts) == 2 and len(shown.missing) == 1
     walk, condition = table.walks[0], table.conditions[0]
     blind = replace(walk, measured=replace(walk.measured, **dict.fromkeys(vars(walk.measured))))
-    none = dict.fromkeys(condition.measured, Mean(mean=None, sd=None, count=0))
-    arrays |= {f"{walk.curves}_measured_{axis}_m": np.full(101, np.nan) for axis in ("forward", "up")}
+    none = dict.fromkeys(condition.measured, Spread(None, None, 0))
+    arrays |= {f"walk_0_measured_{axis}_m": np.full(101, np.nan) for axis in ("forward", "up")}
     one = replace(table, walks=(blind,), conditions=(replace(condition, measured=none),))
     shown = assert_sound(roll_over_chapter, one, arrays)
     assert "plate not known" in shown.words and len(shown.alts) == 3

@@ -7,45 +7,27 @@ back with its energy, other points of the load. Statistics are over the forefoot
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from vsf_drake.analysis.bench_metrics import stiffness
-from vsf_drake.analysis.validation.bench_lines import (
-    LEAST_LOAD_N,
-    LOAD_N,
-    Curve,
-    Machine,
-    Regression,
-    SettingLines,
-    SettingRow,
-    Statistics,
-    at_loads,
-    compared,
-    curve_arrays,
-    judged_pairs,
-    regression,
-    rising,
-    settings_of,
-    statistics,
-    up_to,
-    where_of,
-)
+from vsf_drake.analysis.bench_metrics import at_loads, closed_form_stiffness, mean_slope, published_stiffness
+from vsf_drake.analysis.validation import bench_lines as lines
+from vsf_drake.analysis.validation.bench_lines import Curve, Machine, SettingLines, SettingRow, Statistics, in_mm
 from vsf_drake.analysis.validation.study import Progress, Section, Study
-from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.files import flat, resource
-from vsf_drake.laws.beam import combined_stiffness, lumped_stiffness, section_inertia
+from vsf_drake.files import resource
 from vsf_drake.model_file import check_fulcrum, load_model, secant_stiffness
 from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.plants.foot import with_elements
+from vsf_drake.schema import to_plain
 from vsf_drake.sentences import say
-from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S, STEPS_PER_MM
-from vsf_drake.simulation.results import LegLengths, standing_table
+from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, STEPS_PER_MM
+from vsf_drake.simulation.results import standing_table
 from vsf_drake.simulation.standing import simulate_standing
 
 PAPER = {"stiffness_r2": 0.98, "stiffness_rmse_n_per_mm": 1.37, "mid_range_rmse_mm": 0.45}
@@ -58,43 +40,15 @@ LINE_POINTS = 51
 
 
 @dataclass(frozen=True, kw_only=True)
-class EndPoint:
-    """A model at a position (mm; None for the heel) whose stiffness is published: by what it differs."""
-
-    fulcrum_mm: float | None
-    published_n_per_mm: float
-    error_n_per_mm: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class PressedModel:
     """One model that is pressed at every setting."""
 
     key: str  # "model", "nominal", "refined" or "calibrated"
     name: str
-    fitted_mm: tuple[float, float] | None = None  # positions whose curves it was calibrated to
     statistics: Statistics | None = None
-    within_limits: Mapping[str, bool | None] = field(default_factory=dict)  # of PAPER
-    end_points: tuple[EndPoint, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class RefinedLine(PressedModel):
-    """The study's foot with a keel of more elements."""
-
-    elements: int
-    coarse_elements: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class CalibratedLine(PressedModel):
-    """The study's foot calibrated to the curves at two positions."""
-
-    at_bound: tuple[str, ...]  # which of its numbers ended at a bound of the search
-    fulcrum_stiffness_n_per_m: float
-    series_stiffness: float
-    series_exponent: float
-    held_out: Statistics | None = None  # of the settings that it did not see
+    fitted_mm: tuple[float, float] | None = None  # positions whose curves it was calibrated to
+    at_bound: tuple[str, ...] = ()  # which of its numbers then ended at a bound of the search
+    held_out: Statistics | None = None  # of the settings that the calibration did not see
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,15 +58,9 @@ class LoopRow:
     fulcrum_mm: float | None
     speed_mm_per_min: float
     stiffness_n_per_mm: float
-    max_load_n: float
-    max_displacement_mm: float
-    loading_s: float
-    stored_j: float
-    returned_j: float
-    lost_j: float
-    lost_step_error_j: float
+    stored_j: float  # work of the platen while it loads
+    lost_j: float  # what of it does not come back
     return_ratio: float
-    linear_spring_j: float  # F²/2k
     unconverged_steps: int
 
 
@@ -124,8 +72,6 @@ class LoadPoint:
     fulcrum_mm: float
     stiffness_n_per_mm: float
     closed_form_n_per_mm: float
-    chain_n_per_mm: float
-    own_point: bool  # whether it is the model's own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,20 +83,14 @@ class BenchSectionTable:
     mid_range_rmse_mm: float | None
     limits: Mapping[str, float]  # PAPER
     within_limits: Mapping[str, bool | None]
-    n: int
-    measured: bool
-    measured_name: str | None
+    measured_name: str | None  # None without curves
     measured_synthetic: bool | None
     touch_down_extrapolated: int  # passes that begin under load
-    speed_mm_per_min: float
-    contact_name: str | None
     contact_on_bench: tuple[str, ...] | None  # what the contact file says of a bench; None without one
-    lines: tuple[CalibratedLine | RefinedLine | PressedModel, ...]  # the study's model first
+    lines: tuple[PressedModel, ...]  # the study's model first
     settings: tuple[SettingRow, ...]  # softest first, the heel last
-    regression: Regression | None  # of the study's model on the measured stiffness
     rates: tuple[LoopRow, ...]
     rate_settings_mm: tuple[float | None, ...]
-    rate_speeds_mm_per_min: tuple[float, ...]
     load_points: tuple[LoadPoint, ...]
     unconverged_steps: int
 
@@ -166,7 +106,7 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
             progress(f"bench: {what}", fraction)
 
     foot, bench, quick = study.model.foot, study.bench, study.options.quick
-    settings = settings_of(bench, PUBLISHED_FULCRUMS_M)
+    settings = lines.settings_of(bench, PUBLISHED_FULCRUMS_M)
     missing = say("bench", "inputs", given=bench, weak=[s for s in settings if s.passes and not s.judged],
                   forefoot=any(s.passes for s in settings[:-1]), heel=settings[-1].passes,
                   repeated=any(len(s.passes) > 1 for s in settings))
@@ -177,9 +117,9 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
         except InputError as error:
             outside.add(position)
             missing.append(f"Not simulated: {error.what}. {error.right}.")
-    feet, uncalibrated = _lines(study, settings, show)
+    show("calibration", 0.1)
+    feet, uncalibrated = _feet(study, settings)
     missing += uncalibrated
-    measured = [setting.measured() for setting in settings]
     curves: dict[str, list[Curve | None]] = {}
     unconverged = 0
     for i, (line, own_foot) in enumerate(feet):
@@ -188,73 +128,69 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
         unconverged += steps
         missing += failures
     rows = tuple(SettingRow(
-        fulcrum_mm=setting.fulcrum_mm, max_load_n=setting.load_n, repeats=len(setting.passes),
-        published_n_per_mm=setting.published_n_per_mm, measured=measured[i],
-        lines={key: None if (curve := own[i]) is None else compared(setting, measured[i], curve)
-               for key, own in curves.items()}) for i, setting in enumerate(settings))
-    lines = tuple(_judged(line, rows) for line, _ in feet)
-    arrays = curve_arrays(settings, curves)
-    pairs = np.array([[values.stiffness_n_per_mm for values in pair] for pair in judged_pairs(rows, "model")])
-    trend = None
-    if len(pairs) > 2:
-        at = np.linspace(pairs[:, 1].min(), pairs[:, 1].max(), LINE_POINTS)
-        trend = regression(pairs[:, 1], pairs[:, 0], at)
+        fulcrum_mm=in_mm(setting.fulcrum_m), max_load_n=setting.load_n, repeats=len(setting.passes),
+        published_n_per_mm=None if (k := published_stiffness(setting.fulcrum_m)) is None else 1e-3 * k,
+        lines={lines.MEASURED: setting.measured()} | {
+            key: None if (curve := own[i]) is None else lines.curve_values(curve, setting.curve)
+            for key, own in curves.items()}) for i, setting in enumerate(settings))
+    models = tuple(dataclasses.replace(
+        line, statistics=lines.statistics(rows, line.key), held_out=None if line.fitted_mm is None else
+        lines.statistics([row for row in rows if row.fulcrum_mm not in line.fitted_mm], line.key))
+        for line, _ in feet)
+    arrays = lines.curve_arrays(settings, curves)
+    own, pairs = models[0].statistics, lines.judged_pairs(rows, "model")
+    k_model, k_measured = (np.array([pair[j].stiffness_n_per_mm for pair in pairs], dtype=float) for j in (0, 1))
+    at = np.linspace(k_measured.min(), k_measured.max(), LINE_POINTS) if pairs else k_measured
+    trend = lines.regression(k_measured, k_model, at)
     if trend is not None:
-        arrays |= {"regression_measured_n_per_mm": at} | {f"regression_{key}": band for key, band in trend[1].items()}
+        arrays |= {"regression_measured_n_per_mm": at} | {f"regression_{key}": band for key, band in trend.items()}
     elif any(setting.judged for setting in settings[:-1]):
         missing += say("bench", "no_trend")
     show("speeds", 0.5)
     fulcrums = [x for setting in settings if (x := setting.fulcrum_m) is not None and x not in outside]
     if quick and len(fulcrums) > QUICK_FULCRUMS:
         fulcrums = [fulcrums[0], fulcrums[len(fulcrums) // 2], fulcrums[-1]]
-    speeds = QUICK_SPEEDS_MM_PER_MIN if quick else SPEEDS_MM_PER_MIN
     loops, loop_arrays, failed_loops = rates(
-        Machine(foot), (*fulcrums, None), speeds, progress=lambda f: show("speeds", 0.5 + 0.4 * f))
+        Machine(foot), (*fulcrums, None), QUICK_SPEEDS_MM_PER_MIN if quick else SPEEDS_MM_PER_MIN,
+        progress=lambda f: show("speeds", 0.5 + 0.4 * f))
     points, failed_points = load_points(study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f))
-    own = lines[0].statistics
+    reached = {name: None if own is None else getattr(own, name) for name in PAPER}
     table = BenchSectionTable(
-        stiffness_r2=own.stiffness_r2 if own else None,
-        stiffness_rmse_n_per_mm=own.stiffness_rmse_n_per_mm if own else None,
-        mid_range_rmse_mm=own.mid_range_rmse_mm if own else None, limits=PAPER, within_limits=lines[0].within_limits,
-        n=own.n if own else 0, measured=bench is not None, measured_name=bench.name if bench else None,
-        measured_synthetic=bench.synthetic if bench else None,
+        **reached, limits=PAPER, within_limits={
+            name: None if (value := reached[name]) is None else
+            bool(value >= limit if name == "stiffness_r2" else value <= limit) for name, limit in PAPER.items()},
+        measured_name=bench.name if bench else None, measured_synthetic=bench.synthetic if bench else None,
         touch_down_extrapolated=sum(curve.first_load_n > 0.0 for curve in bench.curves) if bench else 0,
-        speed_mm_per_min=60e3 * PUBLISHED_SPEED_M_PER_S, contact_name=study.contact_name or None,
         contact_on_bench=tuple(text for text in study.contact.verdict if "bench" in text) if study.contact else None,
-        lines=lines, settings=rows, regression=trend and trend[0], rates=tuple(loops),
-        rate_settings_mm=(*(round(1e3 * x, 6) for x in fulcrums), None), rate_speeds_mm_per_min=speeds,
+        lines=models, settings=rows, rates=tuple(loops), rate_settings_mm=(*map(in_mm, fulcrums), None),
         load_points=tuple(points), unconverged_steps=unconverged + sum(row.unconverged_steps for row in loops))
     return Section(table=table, arrays=arrays | loop_arrays, missing=(*missing, *failed_loops, *failed_points))
 
 
-def _lines(
-    study: Study, settings: list[SettingLines], show: Progress
+def _feet(
+    study: Study, settings: Sequence[SettingLines]
 ) -> tuple[list[tuple[PressedModel, FootParameters]], list[str]]:
     """The models that are to be pressed, each with its foot, and why none of them is calibrated."""
     foot, nominal = study.model.foot, load_model(resource("models/nominal.yaml")).foot
     own = "fitted contact" if study.contact else "nominal" if nominal == foot else "study's model"
-    coarse = len(foot.keel.element_lengths_m)
-    lines: list[tuple[PressedModel, FootParameters]] = [(PressedModel(key="model", name=own), foot)]
+    elements = FINER * len(foot.keel.element_lengths_m)
+    feet = [(PressedModel(key="model", name=own), foot)]
     if nominal != foot:
-        lines.append((PressedModel(key="nominal", name="nominal"), nominal))
-    lines.append((RefinedLine(key="refined", name=f"{own}, {FINER * coarse} elements", elements=FINER * coarse,
-                              coarse_elements=coarse), with_elements(foot, FINER * coarse)))
-    show("calibration", 0.1)
+        feet.append((PressedModel(key="nominal", name="nominal"), nominal))
+    feet.append((PressedModel(key="refined", name=f"{own}, {elements} elements"), with_elements(foot, elements)))
     low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
     curves = {s.fulcrum_m: s.curve for s in settings
               if s.fulcrum_m is not None and s.judged and s.curve is not None and low <= s.fulcrum_m <= high}
     if len(curves) < 3:
-        return lines, say("bench", "uncalibrated", error=None) if curves else []
+        return feet, say("bench", "uncalibrated", error=None) if curves else []
     try:
         tuned, at_bound = calibrated(foot, curves)
     except (InputError, SimulationError) as error:
-        return lines, say("bench", "uncalibrated", error=error)
-    lines.append((CalibratedLine(
-        key="calibrated", name="calibrated to two curves",
-        fitted_mm=(round(1e3 * min(curves), 6), round(1e3 * max(curves), 6)), at_bound=tuple(at_bound),
-        fulcrum_stiffness_n_per_m=tuned.fulcrum.stiffness_n_per_m, series_stiffness=tuned.series_stiffness_n_per_m,
-        series_exponent=tuned.series_exponent), tuned))
-    return lines, []
+        return feet, say("bench", "uncalibrated", error=error)
+    feet.append((PressedModel(
+        key="calibrated", name="calibrated to two curves", at_bound=tuple(at_bound),
+        fitted_mm=(round(1e3 * min(curves), 6), round(1e3 * max(curves), 6))), tuned))
+    return feet, []
 
 
 def _press(
@@ -267,33 +203,13 @@ def _press(
         # finer keel and calibration are the forefoot's: at the heel those feet are the study's
         if setting.fulcrum_m not in outside and (setting.fulcrum_m is not None or line.key in ("model", "nominal")):
             try:
-                x, load, steps = machine.press(setting.fulcrum_m, max(setting.load_n, LEAST_LOAD_N))
-                curve = up_to(*rising(x, load), setting.load_n)
+                x, load, steps = machine.press(setting.fulcrum_m, max(setting.load_n, lines.LEAST_LOAD_N))
+                curve = lines.up_to(*lines.rising(x, load), setting.load_n)
                 unconverged += steps
             except (InputError, SimulationError) as error:
                 missing.append(f"Bench, {line.name}, {setting.where}: {error}.")
         curves.append(curve)
     return curves, unconverged, missing
-
-
-def _judged(line: PressedModel, rows: Sequence[SettingRow]) -> PressedModel:
-    """The line with what its curves come to."""
-    own = statistics(rows, line.key)
-    values = {name: getattr(own, name) if own else None for name in PAPER}
-    line = dataclasses.replace(
-        line, statistics=own, within_limits={
-            name: None if (value := values[name]) is None else
-            bool(value >= limit if name == "stiffness_r2" else value <= limit) for name, limit in PAPER.items()},
-        end_points=tuple(
-            EndPoint(fulcrum_mm=row.fulcrum_mm, published_n_per_mm=row.published_n_per_mm,
-                     error_n_per_mm=pressed.stiffness_n_per_mm - row.published_n_per_mm)
-            for row in rows if row.published_n_per_mm is not None and (pressed := row.lines[line.key]) is not None
-            and pressed.stiffness_n_per_mm is not None))
-    if isinstance(line, CalibratedLine) and line.fitted_mm:
-        seen = line.fitted_mm
-        line = dataclasses.replace(
-            line, held_out=statistics([row for row in rows if row.fulcrum_mm not in seen], line.key))
-    return line
 
 
 # The foot calibrated to measured curves of its softest and its stiffest setting: the others are then predicted.
@@ -366,34 +282,29 @@ def rates(
     """
     rows: list[LoopRow] = []
     missing: list[str] = []
-    cases = [(i, fulcrum, speed) for i, fulcrum in enumerate(fulcrums_m) for speed in speeds_mm_per_min]
+    cases = [*itertools.product(enumerate(fulcrums_m), speeds_mm_per_min)]
     loops = {name: np.full((len(fulcrums_m), 2, LOOP_SAMPLES), np.nan) for name in ("loop_mm", "loop_n")}
-    for j, (i, fulcrum, speed) in enumerate(cases, start=1):
-        where = where_of(fulcrum)
+    for j, ((i, fulcrum), speed) in enumerate(cases, start=1):
         try:
-            loop, coarse = (machine.loop(fulcrum, LOAD_N, 1e-3 * speed / 60.0, steps_per_mm=share * STEPS_PER_MM)
-                            for share in (1.0, 0.5))
-            # at high speed the keel rings at first touch
-            x, load = rising(loop.mm[: loop.top + 1], loop.n[: loop.top + 1])
-            k = 1e-3 * stiffness(1e-3 * x, load, where=where)
+            (x, load, unconverged), (x_coarse, load_coarse, more) = (
+                machine.loop(fulcrum, 1e-3 * speed / 60.0, steps_per_mm=share * STEPS_PER_MM) for share in (1.0, 0.5))
         except (InputError, SimulationError) as error:
-            missing.append(f"Loading and unloading at {speed:g} mm/min, {where}: {error}.")
+            missing.append(f"Loading and unloading at {speed:g} mm/min, {lines.where_of(fulcrum)}: {error}.")
             continue
-        stored, top = loop.stored_j, float(loop.n[loop.top])
+        steps = len(x) // 2 + 1
+        stored = 1e-3 * float(np.trapezoid(load[:steps], x[:steps]))
         # of first order in the step: Richardson's extrapolation to none, 2 L(h) - L(2 h)
-        lost = 2.0 * loop.lost_j - coarse.lost_j
+        lost = 1e-3 * float(2.0 * np.trapezoid(load, x) - np.trapezoid(load_coarse, x_coarse))
         rows.append(LoopRow(
-            fulcrum_mm=None if fulcrum is None else round(1e3 * fulcrum, 6), speed_mm_per_min=speed,
-            stiffness_n_per_mm=k, max_load_n=top, max_displacement_mm=float(loop.mm[loop.top]),
-            loading_s=loop.loading_s, stored_j=stored, returned_j=stored - lost, lost_j=lost,
-            lost_step_error_j=abs(loop.lost_j - coarse.lost_j), return_ratio=1.0 - lost / stored,
-            linear_spring_j=1e-3 * top**2 / (2.0 * k),
-            unconverged_steps=loop.unconverged_steps + coarse.unconverged_steps))
+            fulcrum_mm=in_mm(fulcrum), speed_mm_per_min=speed, stored_j=stored, lost_j=lost,
+            return_ratio=1.0 - lost / stored, unconverged_steps=unconverged + more,
+            # at high speed the keel rings at first touch
+            stiffness_n_per_mm=mean_slope(*lines.rising(x[:steps], load[:steps]))))
         if speed == max(speeds_mm_per_min):
-            up, steps = np.linspace(0.0, loop.mm[loop.top], LOOP_SAMPLES), loop.top + 1
+            up = np.linspace(0.0, x[steps - 1], LOOP_SAMPLES)
             loops["loop_mm"][i] = up, up[::-1]
-            loops["loop_n"][i] = (np.interp(up, loop.mm[:steps], loop.n[:steps]),
-                                  np.interp(up, loop.mm[: loop.top - 1 : -1], loop.n[: loop.top - 1 : -1])[::-1])
+            loops["loop_n"][i] = (np.interp(up, x[:steps], load[:steps]),
+                                  np.interp(up, x[: steps - 2 : -1], load[: steps - 2 : -1])[::-1])
         if progress:
             progress(j / len(cases))
     return rows, loops, missing
@@ -406,7 +317,7 @@ def load_points(
     for every load point and fulcrum position, and what could not be done."""
     rows: list[LoadPoint] = []
     missing: list[str] = []
-    for i, shift in enumerate(LOAD_POINT_SHIFTS_M):
+    for i, shift in enumerate(LOAD_POINT_SHIFTS_M, start=1):
         point = round(model.foot.load_point_m + shift, 9)
         foot = dataclasses.replace(model.foot, load_point_m=point)
         if not foot.fulcrum.foremost_m < point <= sum(foot.keel.element_lengths_m) + 1e-12:
@@ -414,39 +325,18 @@ def load_points(
             continue
         machine = Machine(foot)
         for fulcrum in fulcrums_m:
-            where = f"load at {1e3 * point:g} mm, fulcrum at {1e3 * fulcrum:g} mm"
             try:
                 x, load, _ = machine.press(fulcrum)
             except (InputError, SimulationError) as error:
-                missing.append(f"Stiffness with the {where}: {error}.")
+                missing.append(f"Stiffness with the load at {1e3 * point:g} mm, {lines.where_of(fulcrum)}: {error}.")
                 continue
             rows.append(LoadPoint(
                 load_point_mm=round(1e3 * point, 6), fulcrum_mm=round(1e3 * fulcrum, 6),
-                stiffness_n_per_mm=1e-3 * stiffness(1e-3 * x, load, where=where),
-                closed_form_n_per_mm=1e-3 * small_load_stiffness(foot, fulcrum),
-                chain_n_per_mm=1e-3 * small_load_stiffness(foot, fulcrum, chain=True), own_point=shift == 0.0))
+                stiffness_n_per_mm=mean_slope(x, load),
+                closed_form_n_per_mm=1e-3 * float(closed_form_stiffness(to_plain(foot), fulcrum))))
         if progress:
-            progress((i + 1) / len(LOAD_POINT_SHIFTS_M))
+            progress(i / len(LOAD_POINT_SHIFTS_M))
     return rows, missing
-
-
-def small_load_stiffness(foot: FootParameters, fulcrum_m: float, *, chain: bool = False) -> float:
-    """Stiffness (N/m) of the keel on its fulcrum while it is hardly bent, the foam's in series.
-
-    The foam's is its mean slope between the two loads of the bench. The keel is a continuous overhung beam
-    (`laws.beam.combined_stiffness`), or the model's chain of sprung joints (`laws.beam.lumped_stiffness`): what the
-    two differ by is the chain's coarseness, and by what the simulation then exceeds the chain is large deflection.
-    """
-    k, n = foot.series_stiffness_n_per_m, foot.series_exponent
-    low, high = ((load / k) ** (1.0 / n) for load in (STIFFNESS_ABOVE_N, LOAD_N))
-    keel = foot.keel
-    given = {
-        "bending_stiffness": keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m),
-        "support": fulcrum_m, "load_point": foot.load_point_m, "fulcrum_stiffness": foot.fulcrum.stiffness_n_per_m,
-        "series_stiffness": (LOAD_N - STIFFNESS_ABOVE_N) / (high - low)}
-    if chain:
-        return lumped_stiffness(element_lengths=keel.element_lengths_m, **given)
-    return float(combined_stiffness(**given))
 
 
 # Standing: the mass that the ground carries against the mass that is known, at every fulcrum position walked on.
@@ -467,35 +357,21 @@ class StoodRow:
     failure: None = None
     weight_n: float
     mean_vertical_n: float
-    weight_error: float
-    mean_prosthetic_n: float
-    mean_intact_n: float
     prosthetic_share: float
     drift_mm: float
     turn_deg: float
-    pelvis_deg: Mapping[str, float]
-    free: tuple[str, ...]
     held_nm: Mapping[str, float]
-    leg_length_mm: LegLengths
-    centre_of_mass_height_mm: float
-    unconverged_steps: int
-    refined_steps: int
-    converged: bool
     stands: bool
     notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class FallenRow:
-    """A position at which nobody could stand, and why; the rest is unknown."""
+    """A position at which nobody could stand, and why."""
 
     fulcrum_mm: float
     mass_known_kg: float
     failure: str
-    unknown: Mapping[str, None] = flat()
-
-
-_TAKEN = [one.name for one in dataclasses.fields(StoodRow)][5:]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -514,7 +390,7 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
 
     Joints are at their anatomical zero and the foot is mounted as the model file says: what a fit found of offsets and
     joint angles belongs to recordings of walking. Arrays of row I, 50 Hz: `standing_I_time_s`,
-    `standing_I_prosthetic_n`, `standing_I_intact_n`, `standing_I_drift_mm`.
+    `standing_I_prosthetic_n`, `standing_I_intact_n`.
     """
     duration = QUICK_DURATION_S if study.options.quick else DURATION_S
     rows: list[StoodRow | FallenRow] = []
@@ -531,17 +407,17 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
             stood = standing_table(simulate_standing(
                 subject, study.model, fulcrum_m=walk.trial.fulcrum_m, duration_s=duration, progress=show))
         except (InputError, SimulationError) as error:
-            rows.append(FallenRow(
-                fulcrum_mm=fulcrum, mass_known_kg=subject.mass_kg, failure=str(error),
-                unknown=dict.fromkeys(("mass_predicted_kg", "mass_error", *_TAKEN))))
+            rows.append(FallenRow(fulcrum_mm=fulcrum, mass_known_kg=subject.mass_kg, failure=str(error)))
             missing.append(f"Standing with the fulcrum at {fulcrum:g} mm failed: {error}")
             continue
         arrays |= {f"standing_{i}_{name}": getattr(stood.series, name)
-                   for name in ("time_s", "prosthetic_n", "intact_n", "drift_mm")}
+                   for name in ("time_s", "prosthetic_n", "intact_n")}
         predicted = stood.mean_vertical_n / GRAVITY
         rows.append(StoodRow(
             fulcrum_mm=fulcrum, mass_known_kg=subject.mass_kg, mass_predicted_kg=predicted,
-            mass_error=predicted / subject.mass_kg - 1.0, **{key: getattr(stood, key) for key in _TAKEN}))
+            mass_error=predicted / subject.mass_kg - 1.0, weight_n=stood.weight_n,
+            mean_vertical_n=stood.mean_vertical_n, prosthetic_share=stood.prosthetic_share, drift_mm=stood.drift_mm,
+            turn_deg=stood.turn_deg, held_nm=stood.held_nm, stands=stood.stands, notes=stood.notes))
     if study.options.quick:
         missing.append(f"The short form stands for {QUICK_DURATION_S:g} s, not {DURATION_S:g} s.")
     standing = [row for row in rows if isinstance(row, StoodRow)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +16,7 @@ from vsf_drake.analysis.comparison import (
     percent_instants,
     resample,
 )
-from vsf_drake.analysis.validation.study import Progress, Section, Study, StudyWalk, reached, spread
-from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
+from vsf_drake.analysis.validation.study import Progress, Section, Spread, Study, StudyWalk, reached, spread
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import find_stances
 from vsf_drake.parameters import GRAVITY, FootParameters
@@ -27,8 +26,6 @@ from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, PUBLISHED_SPEED_M_PER_S
 from vsf_drake.simulation.roll_over import Following, RollOver, RollOverRun, in_mount_frame
 
-WALKED = ("radius_m", "radius_leg_lengths", "effective_foot_length_m", "effective_foot_length_ratio",
-          "mean_moment_arm_m", "arc_rms_m", "centre_forward_m", "centre_up_m")
 LEAST_FORCE_N, MOST_FORCE_N = 50.0, 5000.0
 STEPS_PER_MM, ISO_STEPS = 160.0, 1200
 QUICK_STEPS_PER_MM, QUICK_ISO_STEPS, QUICK_POSITIONS_M = 40.0, 600, (0.066, 0.108, 0.151)
@@ -37,32 +34,24 @@ Curves = dict[str, np.ndarray]
 
 @dataclass(frozen=True, kw_only=True)
 class InclinedRow:
-    """The foot pressed at an angle to 600 N and let go; the centre of pressure is ahead of the pylon's axis."""
+    """The foot pressed at an angle to 600 N."""
 
     angle_deg: float
     fulcrum_mm: float
-    load_n: float
     displacement_mm: float
     stiffness_n_per_mm: float
-    stiffness_above_n: float
     energy_stored_j: float
-    energy_returned_j: float
-    return_ratio: float
-    cop_forward_mm: float
     zones_loaded: tuple[str, ...]
     unconverged_steps: int
 
 
 @dataclass(frozen=True, kw_only=True)
 class RollShape:
-    """What describes a roll-over shape; None where it cannot be known."""
+    """What describes rolling over; None where it cannot be known."""
 
     radius_m: float | None
-    centre_forward_m: float | None
-    centre_up_m: float | None
-    arc_rms_m: float | None
-    effective_foot_length_m: float | None
     effective_foot_length_ratio: float | None  # to the length of the foot
+    mean_moment_arm_m: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,22 +61,13 @@ class IsoRow(RollShape):
     fulcrum_mm: float
     follows: bool  # within 1 % of the largest force
     residual_n: float
-    residual_rms_n: float
     deflection_heel_mm: float
     deflection_forefoot_mm: float
     dorsiflexing_moment_nm: float
     plantarflexing_moment_nm: float
-    cop_first_mm: float
-    cop_last_mm: float
-    stored_heel_j: float
     stored_forefoot_j: float
-    energy_in_j: float
-    energy_out_j: float
     return_ratio: float
-    lost_j: float
     lost_by_sliding_j: float
-    left_j: float
-    mean_moment_arm_m: float | None
     unconverged_steps: int
 
 
@@ -97,62 +77,30 @@ class Iso:
 
     force_n: float
     force_from: str  # "weight" or "given"
-    foot_length_m: float
     follows: bool
     positions: tuple[IsoRow, ...]
     with_friction: tuple[IsoRow, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkedShapeNumbers(RollShape):
-    """A shape seen from the recorded shank."""
-
-    mean_moment_arm_m: float | None
-    radius_leg_lengths: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class FootfallShape:
-    """One footfall: the shape of the model, of the plate, and of the model's foot alone, in the pylon's frame."""
+class Footfall:
+    """The shape of one footfall, of the model and of the plate, seen from the recorded shank."""
 
     label: str
     fulcrum_mm: float
     ends_at: str  # OPPOSITE_STRIKE or TOE_OFF
-    end_percent: float
     leg_length_m: float
-    heel_m: float
-    model: WalkedShapeNumbers
-    measured: WalkedShapeNumbers
-    foot_alone: RollShape
-
-
-@dataclass(frozen=True, kw_only=True)
-class Footfall(FootfallShape):
-    """The same within a walk, and the name of its curves."""
-
-    footfall: int
-    curves: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mean:
-    """Over footfalls; the SD is None for fewer than two."""
-
-    mean: float | None
-    sd: float | None
-    count: int
+    model: RollShape
+    measured: RollShape
 
 
 @dataclass(frozen=True, kw_only=True)
 class RollOverCondition:
-    """The footfalls at one position, what describes them by its key in WALKED."""
+    """The footfalls at one position: what describes their shapes by its key, and `radius_leg_lengths`."""
 
     fulcrum_mm: float
-    footfalls: int
-    until_opposite_strike: int
-    model: Mapping[str, Mean]
-    measured: Mapping[str, Mean]
-    foot_alone: Mapping[str, Mean]
+    model: Mapping[str, Spread]
+    measured: Mapping[str, Spread]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,12 +109,11 @@ class RollOverTable:
 
     inclined: tuple[InclinedRow, ...]
     iso: Iso
-    walks: tuple[Footfall, ...]
+    walks: tuple[Footfall, ...]  # their curves are `walk_0_...` and so on
     conditions: tuple[RollOverCondition, ...]
     foot_length_m: float
     heel_behind_pylon_m: float
     synthetic: bool
-    quick: bool
 
 
 def roll_over_section(study: Study, *, progress: Progress | None = None) -> Section[RollOverTable]:
@@ -196,34 +143,31 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
         part(0.8, 0.2)("roll-over shapes", i / len(study.walks))
         shapes, unknown = walked_shapes(walk)
         missing += unknown
-        for j, shape in enumerate(shapes):
-            name = f"walk_{len(rows)}"
-            rows.append(Footfall(**vars(shape.row), footfall=j + 1, curves=name))
-            for kind, points in (("model", shape.model), ("measured", shape.measured), ("alone", shape.foot_alone)):
-                curves |= {f"{name}_{kind}_forward_m": points[:, 0], f"{name}_{kind}_up_m": points[:, 1]}
+        for row, seen in shapes:
+            for side, points in seen.items():
+                curves |= {f"walk_{len(rows)}_{side}_{axis}_m": column
+                           for axis, column in zip(("forward", "up"), points.T, strict=True)}
+            rows.append(row)
     conditions = tuple(_condition(x, [row for row in rows if row.fulcrum_mm == x])
                        for x in sorted({row.fulcrum_mm for row in rows}))
-    iso = Iso(force_n=force, force_from="weight" if given is None else "given", foot_length_m=foot.length_m,
-              follows=bool(rolled) and all(row.follows for row in rolled), positions=tuple(rolled),
-              with_friction=tuple(rough))
+    iso = Iso(force_n=force, force_from="weight" if given is None else "given", positions=tuple(rolled),
+              follows=bool(rolled) and all(row.follows for row in rolled), with_friction=tuple(rough))
     return Section(
         table=RollOverTable(
             inclined=tuple(inclined), iso=iso, walks=tuple(rows), conditions=conditions, foot_length_m=foot.length_m,
-            heel_behind_pylon_m=foot.pylon_x_m - foot.heel_x_m, synthetic=study.synthetic, quick=quick),
+            heel_behind_pylon_m=foot.pylon_x_m - foot.heel_x_m, synthetic=study.synthetic),
         arrays={**curves, **more}, missing=tuple(missing))
 
 
 def _condition(fulcrum_mm: float, rows: Sequence[Footfall]) -> RollOverCondition:
-    def means(shapes: Sequence[RollShape]) -> dict[str, Mean]:
-        spreads = {name: spread(getattr(shape, name) for shape in shapes) for name in WALKED
-                   if hasattr(shapes[0], name)}
-        return {name: Mean(mean=own.mean, sd=own.sd, count=own.n) for name, own in spreads.items()}
+    def means(shapes: Sequence[RollShape]) -> dict[str, Spread]:
+        radii = [None if (r := shape.radius_m) is None else r / row.leg_length_m
+                 for row, shape in zip(rows, shapes, strict=True)]
+        return {"radius_leg_lengths": spread(radii)} | {
+            field.name: spread(getattr(shape, field.name) for shape in shapes) for field in fields(RollShape)}
 
-    return RollOverCondition(
-        fulcrum_mm=fulcrum_mm, footfalls=len(rows),
-        until_opposite_strike=sum(row.ends_at == OPPOSITE_STRIKE for row in rows),
-        model=means([row.model for row in rows]), measured=means([row.measured for row in rows]),
-        foot_alone=means([row.foot_alone for row in rows]))
+    return RollOverCondition(fulcrum_mm=fulcrum_mm, model=means([row.model for row in rows]),
+                             measured=means([row.measured for row in rows]))
 
 
 # The foot pressed at an angle, as structural tests press feet: heel at -15 degrees, forefoot at +20 degrees.
@@ -265,15 +209,10 @@ def _inclined_loading(
         load = np.append(0.0, run.grf_W[:, 2])
         peak = int(np.argmax(load))
         x, f = displacement[: peak + 1], load[: peak + 1]
-        stored = float(np.trapezoid(f, x))
-        returned = -float(np.trapezoid(load[peak:], displacement[peak:]))
         bearing = run.sphere_normal_n[peak - 1] > BORNE_N
         rows.append(InclinedRow(
-            angle_deg=angle, fulcrum_mm=1e3 * fulcrum, load_n=float(load[peak]),
-            displacement_mm=1e3 * float(np.interp(LARGEST_LOAD_N, f, x)), stiffness_n_per_mm=1e-3 * stiffness(x, f),
-            stiffness_above_n=STIFFNESS_ABOVE_N, energy_stored_j=stored, energy_returned_j=returned,
-            return_ratio=returned / stored,
-            cop_forward_mm=1e3 * float(in_mount_frame(run.cop_W, run.mount)[peak - 1, 0]),
+            angle_deg=angle, fulcrum_mm=1e3 * fulcrum, stiffness_n_per_mm=1e-3 * stiffness(x, f),
+            displacement_mm=1e3 * float(np.interp(LARGEST_LOAD_N, f, x)), energy_stored_j=float(np.trapezoid(f, x)),
             zones_loaded=tuple(name for i, name in enumerate(sites.zone_names) if bearing[sites.zone == i].any()),
             unconverged_steps=run.unconverged_steps))
         at = np.union1d(np.round(np.linspace(0, len(load) - 1, CURVE_POINTS)).astype(int), [peak])
@@ -311,7 +250,7 @@ def tilt_rad(time_s: np.ndarray) -> np.ndarray:
 # Both are seen from the same frame, which owes the simulation nothing: the recorded residual shank's. Its origin stands
 # for the ankle, which the prosthesis does not have: the pylon's lower end, where the foot's mount is, with the socket
 # unloaded; up is along the pylon to the knee, forward the shank's own. What the socket gives under load is thus part of
-# the shape. The pylon's own frame, which moves with the socket, shows what the foot does alone; it needs the model.
+# the shape.
 
 OPPOSITE_STRIKE, TOE_OFF = "opposite heel strike", "toe-off"
 
@@ -333,52 +272,36 @@ class RollOverFrames(NamedTuple):
         return np.asarray(np.einsum("nij,ni->nj", self.axes, points_W - self.origin)[:, [0, 2]])
 
 
-class WalkedShape(NamedTuple):
-    """One footfall, and its curves (101, 2) over the measured stance, NaN outside the shape."""
-
-    row: FootfallShape
-    model: np.ndarray
-    measured: np.ndarray
-    foot_alone: np.ndarray
-
-
-def walked_shapes(walk: StudyWalk) -> tuple[list[WalkedShape], list[str]]:
-    """The shape of every footfall that is recorded and simulated as a whole, and sentences on what is not there."""
+def walked_shapes(walk: StudyWalk) -> tuple[list[tuple[Footfall, Curves]], list[str]]:
+    """Every footfall that is recorded and simulated as a whole with its curves, "model" and "measured", (101, 2) over
+    the measured stance and NaN outside the shape; and sentences on what is not there."""
     plate, result = walk.recorded.prosthetic_plate, walk.result
     whole = [item for item in walk.comparison.stances if item.inside]
     if not whole:
         return [], say("roll_over", "no_shape", label=walk.label)
-    shank, pylon, heel, leg = _frames(walk)
+    shank, heel, leg = _shank(walk)
     shapes = []
     for item in whole:
-        start, duration = item.measured.start_s, item.measured.duration_s
         end, kind = _end(walk, item)
         instants = percent_instants(item.measured)
-        cops, seen, sides = {}, {}, dict[str, WalkedShapeNumbers]()
+        seen, sides = Curves(), dict[str, RollShape]()
         for name, time, force, cop, free in (
                 ("model", result.time_s, result.grf_W, result.cop_W, result.free_moment_nm),
                 ("measured", plate.time_s, plate.force_W, plate.cop_W, plate.free_moment_nm)):
             smooth = filtered_while_loaded(cop[:, :2], time, force[:, 2], cop, instants)
             smooth[instants > end + 1e-9] = np.nan
-            cops[name] = np.column_stack([smooth, np.zeros(len(smooth))])
-            seen[name] = shank.at(instants).seen(cops[name])
-            numbers = shape_numbers(seen[name], heel_m=heel, foot_length_m=result.foot_length_m)
-            sides[name] = WalkedShapeNumbers(
-                **vars(numbers), mean_moment_arm_m=_arm(shank, item, time, force, cop, free),
-                radius_leg_lengths=None if numbers.radius_m is None else numbers.radius_m / leg)
-        alone = pylon.at(instants).seen(cops["model"])
-        row = FootfallShape(
-            label=walk.label, fulcrum_mm=walk.fulcrum_mm, ends_at=kind, end_percent=100.0 * (end - start) / duration,
-            leg_length_m=leg, heel_m=heel, model=sides["model"], measured=sides["measured"],
-            foot_alone=shape_numbers(alone, heel_m=heel, foot_length_m=result.foot_length_m))
-        shapes.append(WalkedShape(row, seen["model"], seen["measured"], alone))
+            seen[name] = shank.at(instants).seen(np.column_stack([smooth, np.zeros(len(smooth))]))
+            sides[name] = described(seen[name], heel_m=heel, foot_length_m=result.foot_length_m,
+                                    arm_m=_arm(shank, item, time, force, cop, free))
+        shapes.append((Footfall(label=walk.label, fulcrum_mm=walk.fulcrum_mm, ends_at=kind, leg_length_m=leg, **sides),
+                       seen))
     return shapes, say("roll_over", "partly", label=walk.label, has_cop=plate.has_cop,
-                       until_toe_off=sum(shape.row.ends_at == TOE_OFF for shape in shapes))
+                       until_toe_off=sum(row.ends_at == TOE_OFF for row, _ in shapes))
 
 
-def _frames(walk: StudyWalk) -> tuple[RollOverFrames, RollOverFrames, float, float]:
-    """Shank and pylon over the walk; where the heel is on the forward axis (m); the prosthetic leg's length (m)."""
-    trial, time, offsets = walk.trial, walk.result.time_s, walk.trial.offsets
+def _shank(walk: StudyWalk) -> tuple[RollOverFrames, float, float]:
+    """The shank over the walk; where the heel is on the forward axis (m); the prosthetic leg's length (m)."""
+    trial, offsets = walk.trial, walk.trial.offsets
     gait = make_gait(trial.subject, trial.model)
     person, plant = gait.person, gait.plant
     context = plant.CreateDefaultContext()
@@ -388,14 +311,14 @@ def _frames(walk: StudyWalk) -> tuple[RollOverFrames, RollOverFrames, float, flo
     shank = person.segments[f"shank_{trial.subject.prosthetic_side}"]
     p_KHeel = [trial.model.foot.heel_x_m, 0.0, sole_height(trial.model.foot)]
     X_PK = plant.CalcRelativeTransform(context, person.socket.distal, person.foot.frame.body_frame())
-    poses = []
+    origin, axes = [], []
     for q in walk.result.q:
         plant.SetPositions(context, q)
-        X_WS, X_WP = shank.EvalPoseInWorld(context), person.socket.distal.CalcPoseInWorld(context)
-        poses.append((X_WS @ ankle, X_WS.rotation().matrix(), X_WP.translation(), X_WP.rotation().matrix()))
-    at_ankle, of_shank, at_pylon, of_pylon = (np.array(column) for column in zip(*poses, strict=True))
-    return (RollOverFrames(time, at_ankle, of_shank), RollOverFrames(time, at_pylon, of_pylon),
-            float((X_PK @ p_KHeel)[0]), person.body.prosthetic_leg_length)
+        X_WS = shank.EvalPoseInWorld(context)
+        origin.append(X_WS @ ankle)
+        axes.append(X_WS.rotation().matrix())
+    return (RollOverFrames(walk.result.time_s, np.array(origin), np.array(axes)), float((X_PK @ p_KHeel)[0]),
+            person.body.prosthetic_leg_length)
 
 
 def _end(walk: StudyWalk, item: StanceComparison) -> tuple[float, str]:
@@ -478,33 +401,26 @@ def _iso_row(machine: RollOver, run: RollOverRun, following: Following, fulcrum:
     taken, given = float(steps[steps > 0.0].sum()), -float(steps[steps < 0.0].sum())
     half = run.time_s <= 0.5 * DURATION_S
     rolled = run.time_s <= SECOND_PEAK_S
-    shape = shape_numbers(np.where(rolled[:, None], cop, np.nan), heel_m=foot.heel_x_m - foot.pylon_x_m,
-                          foot_length_m=foot.length_m)
-    loaded = np.isfinite(cop[:, 0])
+    shape = described(
+        np.where(rolled[:, None], cop, np.nan), heel_m=foot.heel_x_m - foot.pylon_x_m, foot_length_m=foot.length_m,
+        arm_m=mean_moment_arm(run.time_s, moment, following.force_n))
     row = IsoRow(
         **vars(shape), fulcrum_mm=1e3 * fulcrum, follows=bool(following.follows),
         residual_n=float(following.residual_n),
-        residual_rms_n=float(np.sqrt(np.mean((following.force_n - following.wanted_n) ** 2))),
         deflection_heel_mm=1e3 * float(following.deflection_m[half].max()),
         deflection_forefoot_mm=1e3 * float(following.deflection_m[~half].max()),
         dorsiflexing_moment_nm=float(np.nanmax(moment)), plantarflexing_moment_nm=-float(np.nanmin(moment)),
-        cop_first_mm=1e3 * float(cop[loaded][0, 0]), cop_last_mm=1e3 * float(cop[loaded][-1, 0]),
-        stored_heel_j=float(strain[half].max()), stored_forefoot_j=float(strain[~half].max()), energy_in_j=taken,
-        energy_out_j=given, return_ratio=given / taken, lost_j=float(lost[-1]),
-        lost_by_sliding_j=float(e["friction_loss"][-1]), left_j=float(strain[-1]),
-        mean_moment_arm_m=mean_moment_arm(run.time_s, moment, following.force_n),
-        unconverged_steps=run.unconverged_steps)
+        stored_forefoot_j=float(strain[~half].max()), return_ratio=given / taken,
+        lost_by_sliding_j=float(e["friction_loss"][-1]), unconverged_steps=run.unconverged_steps)
     return row, {"force_n": following.force_n, "deflection_mm": 1e3 * following.deflection_m,
-                 "cop_forward_m": cop[:, 0], "cop_up_m": cop[:, 1], "moment_nm": moment, "strain_j": strain,
-                 "lost_j": lost}
+                 "cop_forward_m": cop[:, 0], "cop_up_m": cop[:, 1], "moment_nm": moment, "strain_j": strain}
 
 
 # The roll-over shape of a foot: its arc, its effective length, and the mean moment arm about the ankle.
 #
 # The shape is the centre of pressure seen from the shank, from heel contact to opposite heel contact; its rocker is
 # described by the radius of a circular arc (Hansen, Childress & Knox 2004, and the abstracts of Hansen's later work).
-# The following were not read at their source (for the length Hansen, Sam & Childress 2004, "The effective foot length
-# ratio", J. Prosthet. Orthot. 16) and are stated here as they are used:
+# Not read at their source (for the length Hansen, Sam & Childress 2004, J. Prosthet. Orthot. 16), as used here:
 #
 # - effective foot length: from the heel, the rear end of the foot, to the shape's front end, along the shank frame's
 #   forward axis;
@@ -521,57 +437,45 @@ _STRAIGHT = 20.0
 _FEWEST, _MOST_STEPS = 5, 50
 
 
-class Arc(NamedTuple):
-    """A circle through points in a plane: centre (forward, up) and radius in m, and the points' RMS distance (m)."""
-
-    centre_m: tuple[float, float]
-    radius_m: float
-    rms_m: float
-
-
-def fit_arc(points_m: np.ndarray) -> Arc | None:
-    """The circle nearest to points (n, 2), by Gauss-Newton on their distances from Taubin's algebraic fit; None where
-    the points are too few, or nearly on a line: then a radius means nothing."""
+def fit_arc(points_m: np.ndarray) -> np.ndarray | None:
+    """(3,) centre (forward, up) and radius (m) of the circle nearest to points (n, 2), by Gauss-Newton on their
+    distances; None where the points are too few, or nearly on a line: then a radius means nothing."""
     points = points_m[np.isfinite(points_m).all(axis=1)]
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     if len(points) < _FEWEST or size == 0.0:
         return None
     origin = points.mean(axis=0)
     p = (points - origin) / size
-    circle = _taubin(p)
-    if circle is None:
+    # from the circle with the least sum of (d^2 - r^2)^2: 2 c.p + (r^2 - c^2) = p^2 is linear
+    start, _, rank, _ = np.linalg.lstsq(np.column_stack([2.0 * p, np.ones(len(p))]), np.sum(p**2, axis=1), rcond=None)
+    if rank < len(start):
         return None
-    centre, radius = circle[:2], circle[2]
+    circle = np.append(start[:2], np.sqrt(start[2] + start[:2] @ start[:2]))
     for _ in range(_MOST_STEPS):
-        away = p - centre
+        away = p - circle[:2]
         distance = np.linalg.norm(away, axis=1)
         slopes = np.column_stack([-away / distance[:, None], -np.ones(len(p))])
-        change = np.linalg.lstsq(slopes, radius - distance, rcond=None)[0]
-        centre, radius = centre + change[:2], radius + change[2]
-        if np.abs(change).max() < 1e-12 * max(1.0, radius):
+        change = np.linalg.lstsq(slopes, circle[2] - distance, rcond=None)[0]
+        circle = circle + change
+        if np.abs(change).max() < 1e-12 * max(1.0, circle[2]):
             break
-    if not (np.isfinite(radius) and 0.0 < radius < _STRAIGHT):
+    if not (np.isfinite(circle[2]) and 0.0 < circle[2] < _STRAIGHT):
         return None
-    error = np.linalg.norm(p - centre, axis=1) - radius
-    at = origin + size * centre
-    return Arc((float(at[0]), float(at[1])), float(size * radius), float(size * np.sqrt(np.mean(error**2))))
+    return np.append(origin, 0.0) + size * circle
 
 
-def shape_numbers(points_m: np.ndarray, *, heel_m: float, foot_length_m: float) -> RollShape:
+def described(points_m: np.ndarray, *, heel_m: float, foot_length_m: float, arm_m: float | None) -> RollShape:
     """What describes a roll-over shape, the centre of pressure (n, 2) forward and up in the shank's frame, NaN where
     there is none; `heel_m` is where the rear end of the foot, from which `foot_length_m` counts, is on the forward
     axis. None where it cannot be known."""
-    points = points_m[np.isfinite(points_m).all(axis=1)]
-    arc = None
+    points, circle = points_m[np.isfinite(points_m).all(axis=1)], None
     if len(points) > 1:
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
         at = np.linspace(0.0, along[-1], max(2, round(along[-1] / _SPACING_M) + 1))
-        arc = fit_arc(np.column_stack([np.interp(at, along, column) for column in points.T]))
-    length = float(points[:, 0].max()) - heel_m if len(points) else None
-    (forward, up), radius, off = arc or ((None, None), None, None)
-    return RollShape(radius_m=radius, centre_forward_m=forward, centre_up_m=up, arc_rms_m=off,
-                     effective_foot_length_m=length,
-                     effective_foot_length_ratio=None if length is None else length / foot_length_m)
+        circle = fit_arc(np.column_stack([np.interp(at, along, column) for column in points.T]))
+    ratio = (float(points[:, 0].max()) - heel_m) / foot_length_m if len(points) else None
+    return RollShape(radius_m=None if circle is None else float(circle[2]), effective_foot_length_ratio=ratio,
+                     mean_moment_arm_m=arm_m)
 
 
 def mean_moment_arm(time_s: np.ndarray, moment_nm: np.ndarray, vertical_n: np.ndarray) -> float | None:
@@ -583,20 +487,3 @@ def mean_moment_arm(time_s: np.ndarray, moment_nm: np.ndarray, vertical_n: np.nd
     if impulse <= 0.0:
         return None
     return float(np.trapezoid(np.where(known, moment_nm, 0.0), time_s)) / impulse
-
-
-def _taubin(p: np.ndarray) -> np.ndarray | None:
-    """Centre and radius (3,) of the algebraic fit to centred points (n, 2), or None if they are on a line.
-
-    G. Taubin, IEEE Trans. Pattern Anal. Mach. Intell. 13:1115-1138 (1991).
-    """
-    squares = np.sum(p**2, axis=1)
-    mean = squares.mean()
-    design = np.column_stack([(squares - mean) / (2.0 * np.sqrt(mean)), p])
-    a = np.linalg.svd(design, full_matrices=False)[2][-1]
-    if abs(a[0]) < 1e-9:
-        return None
-    scale = a[0] / (2.0 * np.sqrt(mean))
-    centre = -a[1:] / (2.0 * scale)
-    radius = np.sqrt(a[1] ** 2 + a[2] ** 2 + 4.0 * scale**2 * mean) / (2.0 * abs(scale))
-    return np.array([*centre, radius])

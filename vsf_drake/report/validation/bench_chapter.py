@@ -26,11 +26,12 @@ from vsf_drake.report.style import (
 )
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.bench_lines import CurveValues, SettingRow
+    from vsf_drake.analysis.validation.bench_lines import SettingRow
     from vsf_drake.analysis.validation.bench_section import BenchSectionTable, LoadPoint
 
-_LINE_MARKERS = {"model": "o", "nominal": "s", "refined": "D", "calibrated": "^"}
-_LINE_GREYS = {"measured": "0.55", "model": "0.1", "nominal": "0.78", "refined": "0.38", "calibrated": "0.95"}
+_LINES = {"measured": ("", "0.55"), "model": ("o", "0.1"), "nominal": ("s", "0.78"), "refined": ("D", "0.38"),
+          "calibrated": ("^", "0.95")}
+"""Marker and grey of each."""
 _NOMINAL: dict[str, Any] = {"linestyle": (0, (1, 2)), "linewidth": 1.2}
 _SLOPE_ABOVE_N = 200.0
 _DOTTED: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
@@ -39,41 +40,32 @@ _OVER = {"frameon": True, "facecolor": "white", "edgecolor": "none", "framealpha
 
 def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
     """The chapter; `table` and `arrays` of the saved bench section."""
-    lines, points, forefoot = table.lines, table.load_points, _forefoot(table)
-    compared = [{"of": line.name + more, **vars(own)} for line in lines for more, own in (
-        ("", line.statistics), (": the settings it did not see", getattr(line, "held_out", None))) if own]
-    names = {"measured": "measured"} | {line.key: line.name for line in lines}
-    low, high = min(table.rate_speeds_mm_per_min), max(table.rate_speeds_mm_per_min)
-    at = {(row.fulcrum_mm, row.speed_mm_per_min): row
-          for row in sorted((row for row in table.rates if row.fulcrum_mm is not None),
-                            key=lambda row: (row.fulcrum_mm or 0.0, -row.speed_mm_per_min))}
-    slowest = {x: row for (x, _), row in at.items() if x is not None}
-    softest, stiffest = (slowest[min(slowest)], slowest[max(slowest)]) if len(slowest) > 1 else (None, None)
-    change = None
-    if softest and all((softest.fulcrum_mm, speed) in at for speed in (low, high)):
-        change = at[softest.fulcrum_mm, high].stiffness_n_per_mm - at[softest.fulcrum_mm, low].stiffness_n_per_mm
-    by_fulcrum = {x: [row for row in points if row.fulcrum_mm == x] for x in sorted({row.fulcrum_mm for row in points})}
+    points, forefoot = table.load_points, _forefoot(table)
+    rates = sorted((row for row in table.rates if row.fulcrum_mm is not None), key=lambda row: row.fulcrum_mm or 0.0)
+    speeds = {row.speed_mm_per_min for row in rates}
+    ends = {speed: [row for row in rates if row.speed_mm_per_min == speed] for speed in sorted(speeds, reverse=True)}
+    offsets = [(abs(offset), row) for row in forefoot
+               if (offset := _value(row.lines["model"], "mid_range_offset_mm")) is not None]
     facts = {
-        "line_of": {line.key: line for line in lines},
+        "line_of": {line.key: line for line in table.lines},
         "pressed": [row for row in forefoot if row.lines["model"]],
         "heel": next((row for row in table.settings if row.fulcrum_mm is None), None),
-        "worst": max((row for row in forefoot if _value(row.lines["model"], "mid_range_offset_mm") is not None),
-                     key=lambda row: abs(_value(row.lines["model"], "mid_range_offset_mm")), default=None),
-        "comparison_rows": [*compared, {"of": "paper, its model on its bench", "n": 5, **table.limits}],
-        "setting_rows": _setting_rows(table),
-        "shape_rows": [{"setting": _position(row.fulcrum_mm), "of": name, **vars(shape)}
-                       for row in table.settings for key, name in names.items()
-                       if (shape := _value(_curve_of(row, key), "shape"))],
-        "chord_shares": [(name, shares) for key, name in (
-            ("measured", "measured here"), ("model", f"simulated ({lines[0].name})"))
-            if (shares := [(row.fulcrum_mm, share) for row in forefoot
-                           if (share := _value(_curve_of(row, key), "shape", "curvature_share")) is not None])],
-        "softest": softest, "stiffest": stiffest, "stiffening_n_per_mm": change,
-        "returned": {(x, speed): _value(at.get((x, speed)), "return_ratio") for x in slowest for speed in (low, high)},
+        "worst": max(offsets, key=lambda pair: pair[0], default=(0.0, None))[1],
+        "comparison_rows": [*({"of": line.name + more, **vars(own)} for line in table.lines for more, own in (
+            ("", line.statistics), (": the settings it did not see", line.held_out)) if own),
+            {"of": "paper, its model on its bench", "n": 5, **table.limits}],
+        "setting_rows": [{
+            **vars(row), "setting": _position(row.fulcrum_mm), "repeats": row.repeats or None,
+            **{f"{key}_{name}": value for key, curve in row.lines.items() if curve
+               for name, value in vars(curve).items()}} for row in table.settings],
+        "chord_shares": [(words, shares) for key, words in (
+            ("measured", "measured here"), ("model", f"simulated ({table.lines[0].name})"))
+            if (shares := [(row.fulcrum_mm, curve.curvature_share) for row in forefoot if (curve := row.lines[key])])],
+        "loops": [(speed, own[0], own[-1]) for speed, own in ends.items() if len(own) > 1],
         "rate_rows": [{**vars(row), "setting": _position(row.fulcrum_mm), "lost_share": 1.0 - row.return_ratio}
                       for row in table.rates],
-        "moved_ends": [(by_fulcrum[x][0], by_fulcrum[x][-1]) for x in (min(by_fulcrum), max(by_fulcrum))]
-        if points else [],
+        "moved_ends": [(own[0], own[-1]) for x in _ends(row.fulcrum_mm for row in points)
+                       if (own := [row for row in points if row.fulcrum_mm == x])],
         "beam_off": max((abs(row.closed_form_n_per_mm / row.stiffness_n_per_mm - 1.0) for row in points),
                         default=None)}
     figures = {"bench_curves": _curves_figure(table, arrays), "bench_agreement": bench_agreement_figure(table, arrays),
@@ -86,26 +78,14 @@ def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
                    figures=figures)
 
 
-def _setting_rows(table: BenchSectionTable) -> list[dict[str, object]]:
-    return [{
-        "setting": _position(row.fulcrum_mm), "max_load_n": row.max_load_n,
-        "published_n_per_mm": row.published_n_per_mm, "repeats": row.repeats or None,
-        "measured_half_width_n_per_mm": _value(row.measured, "stiffness_n_per_mm_half_width"),
-        "measured_mid_range_half_width_mm": _value(row.measured, "mid_range_mm_half_width"),
-        **{f"{key}_{name}": _value(_curve_of(row, key), of)
-           for key in ("measured", *(line.key for line in table.lines))
-           for name, of in (("n_per_mm", "stiffness_n_per_mm"), ("offset_mm", "mid_range_offset_mm"),
-                            ("mid_range_mm", "mid_range_mm"), ("curve_rmse_mm", "curve_rmse_mm"))}}
-        for row in table.settings]
-
-
 def _forefoot(table: BenchSectionTable) -> list[SettingRow]:
     return [row for row in table.settings if row.fulcrum_mm is not None]
 
 
-def _curve_of(row: SettingRow, key: str) -> CurveValues | None:
-    """The measured curve, or that of a model."""
-    return row.measured if key == "measured" else row.lines.get(key)
+def _ends(positions: Iterable[float]) -> list[float]:
+    """The least and the largest of them."""
+    ordered = sorted(positions)
+    return [*ordered[:1], *ordered[-1:]]
 
 
 def _source(table: BenchSectionTable) -> str:
@@ -119,8 +99,9 @@ def _simulated(table: BenchSectionTable) -> str:
 def bench_agreement_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
     """Stiffness by fulcrum position; with measured curves also by what the simulation misses it and the mid-range
     displacement."""
-    with drawing(10.5 if table.n else 6.4, 4.3) as figure:
-        first, *others = figure.subplots(1, 3, width_ratios=(1.1, 1.0, 1.0)) if table.n else [figure.subplots()]
+    judged = table.lines[0].statistics is not None
+    with drawing(10.5 if judged else 6.4, 4.3) as figure:
+        first, *others = figure.subplots(1, 3, width_ratios=(1.1, 1.0, 1.0)) if judged else [figure.subplots()]
         if others:
             _errors(others[0], table, arrays)
             _offsets(others[1], table)
@@ -130,9 +111,8 @@ def bench_agreement_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
 
 def _stiffness(axes: Axes, table: BenchSectionTable) -> None:
     rows = _forefoot(table)
-    x, measured, half = (_numbers(rows, *keys) for keys in (
-        ("fulcrum_mm",), ("measured", "stiffness_n_per_mm"), ("measured", "stiffness_n_per_mm_half_width")))
-    model = _of_line(rows, "model", "stiffness_n_per_mm")
+    x, model = _numbers(rows, "fulcrum_mm"), _of_line(rows, "model", "stiffness_n_per_mm")
+    measured, half = (_of_line(rows, "measured", f"stiffness_n_per_mm{more}") for more in ("", "_half_width"))
     if np.isfinite(measured).any():
         axes.plot(x, measured, color=NEUTRAL, label=_source(table), **MEASURED)
     axes.plot(x, model, color=NEUTRAL, label=_simulated(table), **SIMULATED)
@@ -157,16 +137,16 @@ def _errors(axes: Axes, table: BenchSectionTable, arrays: Arrays) -> None:
     rows, limit = _forefoot(table), table.limits["stiffness_rmse_n_per_mm"]
     axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} N/mm")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
-    if table.regression is not None:
+    measured = _of_line(rows, "measured", "stiffness_n_per_mm")
+    if "regression_line" in arrays:
         at, middle, low, high = (arrays[f"regression_{key}"] for key in ("measured_n_per_mm", "line", "low", "high"))
         axes.fill_between(at, low - at, high - at, color="0.5", alpha=0.35, linewidth=0,
-                          label=f"regression, 95 % band (n = {table.regression.n})")
+                          label="regression, 95 % band")
         axes.plot(at, middle - at, color="0.1", **SIMULATED)
     for line in table.lines:
         own = line.key == "model"
-        axes.plot(_numbers(rows, "measured", "stiffness_n_per_mm"),
-                  _of_line(rows, line.key, "stiffness_error_n_per_mm"), linestyle="", color="0.1",
-                  marker=_LINE_MARKERS[line.key], markerfacecolor="0.1" if own else "none",
+        axes.plot(measured, _of_line(rows, line.key, "stiffness_n_per_mm") - measured, linestyle="", color="0.1",
+                  marker=_LINES[line.key][0], markerfacecolor="0.1" if own else "none",
                   markersize=5 if own else 8, label=line.name)
     axes.set_ylim(-1.9 * limit, 2.6 * limit)
     axes.margins(x=0.08)
@@ -178,7 +158,7 @@ def _offsets(axes: Axes, table: BenchSectionTable) -> None:
     rows, limit = _forefoot(table), table.limits["mid_range_rmse_mm"]
     axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} mm")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
-    _bars(axes, [(line.name, _LINE_GREYS[line.key], _of_line(rows, line.key, "mid_range_offset_mm"))
+    _bars(axes, [(line.name, _LINES[line.key][1], _of_line(rows, line.key, "mid_range_offset_mm"))
                 for line in table.lines], [f"{row.fulcrum_mm:g}" for row in rows])
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.45 * (high - low))
@@ -192,7 +172,7 @@ def _curves_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
         left, right = figure.subplots(1, 2, width_ratios=(2.4, 1.0), sharey=True)
         for i, row in enumerate(table.settings):
             _setting(left if row.fulcrum_mm is not None else right, i, row, table, arrays)
-        left.plot([], [], color=NEUTRAL, label=_source(table) if table.measured else
+        left.plot([], [], color=NEUTRAL, label=_source(table) if table.measured_name else
                   "published slope, laid through the simulation at 200 N", **MEASURED)
         left.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
         if any(line.key == "nominal" for line in table.lines):
@@ -216,7 +196,7 @@ def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arra
     axes.plot(model, load, color=colour, **SIMULATED)
     if "nominal_mm" in arrays:
         axes.plot(arrays["nominal_mm"][i], load, color=colour, **_NOMINAL)
-    if not table.measured and row.published_n_per_mm is not None and np.isfinite(model).all():
+    if table.measured_name is None and row.published_n_per_mm is not None and np.isfinite(model).all():
         above = load[load >= _SLOPE_ABOVE_N]
         start = float(np.interp(_SLOPE_ABOVE_N, load, model))
         axes.plot(start + (above - _SLOPE_ABOVE_N) / row.published_n_per_mm, above, color=colour, **MEASURED)
@@ -226,12 +206,11 @@ def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arra
 
 
 def _energy_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
-    """Loading and unloading: the loop at the highest speed, what is lost by speed, and what is stored by position."""
+    """Loading and unloading: the loop at the highest speed, and what is lost by speed."""
     with drawing(10.5, 4.2) as figure:
-        first, second, third = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))
-        _loops(first, table, arrays)
-        _losses(second, table)
-        _stored(third, table)
+        left, right = figure.subplots(1, 2)
+        _loops(left, table, arrays)
+        _losses(right, table)
     return figure
 
 
@@ -248,7 +227,7 @@ def _loops(axes: Axes, table: BenchSectionTable, arrays: Arrays) -> None:
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="lower right", **_OVER)
     label(axes, x="displacement of the platen (mm)", y="load (N)",
-          title=f"There and back at {max(table.rate_speeds_mm_per_min):g} mm/min")
+          title=f"There and back at {max(row.speed_mm_per_min for row in table.rates):g} mm/min")
 
 
 def _losses(axes: Axes, table: BenchSectionTable) -> None:
@@ -264,25 +243,6 @@ def _losses(axes: Axes, table: BenchSectionTable) -> None:
         axis.set_minor_formatter(NullFormatter())
     axes.legend(loc="upper left")
     label(axes, x="speed of the platen (mm/min)", y="lost of what was stored (%)", title="Loss by speed")
-
-
-def _stored(axes: Axes, table: BenchSectionTable) -> None:
-    slowest = min(table.rate_speeds_mm_per_min, key=lambda speed: abs(speed - table.speed_mm_per_min))
-    rows = [row for row in table.rates if row.speed_mm_per_min == slowest]
-    places = np.arange(len(rows))
-    axes.bar(places, _numbers(rows, "stored_j"), 0.62, edgecolor="0.1", linewidth=0.6,
-             color=[colour_of(row.fulcrum_mm) for row in rows], alpha=0.75, label="simulated")
-    axes.plot(places, _numbers(rows, "linear_spring_j"), linestyle="", marker="_", markersize=22, markeredgewidth=2.2,
-              color="0.05", label="linear spring, F²/2k")
-    measured = {row.fulcrum_mm: row for row in table.settings if abs(row.max_load_n - 600.0) < 1.0}
-    stored = _numbers([measured.get(row.fulcrum_mm) for row in rows], "measured", "stored_j")
-    if np.isfinite(stored).any():
-        axes.plot(places, stored, linestyle="", marker="D", markersize=6, color="white", markeredgecolor="0.05",
-                  markeredgewidth=1.2, label=_source(table))
-    axes.set_xticks(places, [_position(row.fulcrum_mm).removesuffix(" mm") for row in rows])
-    axes.set_ylim(0.0, 1.35 * axes.get_ylim()[1])
-    axes.legend(loc="upper right")
-    label(axes, x="fulcrum (mm), heel", y="energy stored at 600 N (J)", title=f"Stored at {slowest:g} mm/min")
 
 
 def _load_point_figure(points: Sequence[LoadPoint]) -> Figure:
@@ -323,16 +283,16 @@ def _shape_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
             if ends:
                 _tag(left, row.fulcrum_mm, (load[-1], ends[-1]), xytext=(3, 0), va="center")
         left.axvline(_SLOPE_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
-        if table.measured:
+        if table.measured_name:
             left.plot([], [], color=NEUTRAL, label=_source(table), **MEASURED)
         left.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
         left.set_ylim(0.0, 1.2 * left.get_ylim()[1])
         left.legend(loc="upper left")
         label(left, x="load (N)", y="slope dF/dx (N/mm)", title="Slope over load (dotted: 200 N)")
         rows = _forefoot(table)
-        names = {"measured": _source(table)} if table.measured else {}
+        names = {"measured": _source(table)} if table.measured_name else {}
         names |= {line.key: line.name for line in table.lines}
-        _bars(right, [(name, _LINE_GREYS[key], 100.0 * np.array(_of_line(rows, key, "shape", "curvature_share")))
+        _bars(right, [(name, _LINES[key][1], 100.0 * _of_line(rows, key, "curvature_share"))
                      for key, name in names.items()], [f"{row.fulcrum_mm:g}" for row in rows])
         right.set_ylim(0.0, 1.5 * right.get_ylim()[1])
         right.legend(loc="upper left", ncols=2)
@@ -346,21 +306,19 @@ def _position(fulcrum_mm: float | None) -> str:
     return "heel" if fulcrum_mm is None else f"{fulcrum_mm:g} mm"
 
 
-def _value(row: object, *keys: str) -> Any:
-    """A value of a nested record; None where any part is missing."""
-    for key in keys:
-        row = getattr(row, key, None)
-    return row
+def _value(row: object, key: str) -> Any:
+    """A value of a record; None where either is missing."""
+    return getattr(row, key, None)
 
 
-def _numbers(rows: Iterable[object], *keys: str) -> list[float]:
+def _numbers(rows: Iterable[object], key: str) -> np.ndarray:
     """The same over rows, NaN where it is missing: gaps in a figure."""
-    return [float("nan") if (value := _value(row, *keys)) is None else float(value) for row in rows]
+    return np.array([_value(row, key) for row in rows], dtype=float)
 
 
-def _of_line(rows: Iterable[SettingRow], line: str, *keys: str) -> list[float]:
-    """The same of the measured curve, or of a model."""
-    return _numbers((_curve_of(row, line) for row in rows), *keys)
+def _of_line(rows: Iterable[SettingRow], line: str, key: str) -> np.ndarray:
+    """The same of the measured curves, or of a model."""
+    return _numbers((row.lines.get(line) for row in rows), key)
 
 
 def _tag(axes: Axes, fulcrum_mm: float | None, at: tuple[float, float], **options: Any) -> None:

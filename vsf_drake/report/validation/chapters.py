@@ -64,13 +64,13 @@ def _standing_figure(rows: Sequence[tuple[int, StoodRow]], duration_s: float, ar
         left.legend(loc="upper right")
         label(left, x="time (s)", y="vertical force on both feet (N)", title="Let go off rest: the start")
         places = np.arange(len(rows))
-        prosthetic = np.array([row.mean_prosthetic_n for _, row in rows])
-        intact = np.array([row.mean_intact_n for _, row in rows])
+        prosthetic = np.array([row.prosthetic_share * row.mean_vertical_n for _, row in rows])
+        intact = np.array([row.mean_vertical_n for _, row in rows]) - prosthetic
         for bottom, height, shade, hatch, name in ((0.0 * places, prosthetic, "0.35", "", "prosthetic foot"),
                                                    (prosthetic, intact, "0.85", "///", "intact foot")):
             right.bar(places, height, bottom=bottom, color=shade, edgecolor="0.2", hatch=hatch, width=0.6, label=name)
         for place, (_, row) in zip(places, rows, strict=True):
-            right.text(place, 0.5 * row.mean_prosthetic_n, f"{row.prosthetic_share:.0%}", color="white",
+            right.text(place, 0.5 * prosthetic[place], f"{row.prosthetic_share:.0%}", color="white",
                        ha="center", va="center")
         right.axhline(weight, color=NEUTRAL, **MEASURED)
         right.set_xticks(places, [f"{row.fulcrum_mm:g}" for _, row in rows])

@@ -36,17 +36,11 @@ def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
     pairs = [(row, other) for row in iso.positions for other in iso.with_friction if row.fulcrum_mm == other.fulcrum_mm]
     facts = {
         "condition_rows": [
-            {"fulcrum_mm": row.fulcrum_mm, "source": words, "footfalls": means["radius_m"].count,
-             **{f"{name}_{what}": getattr(means.get(name), what, None) for what in ("mean", "sd") for name in (
-                 "radius_m", "radius_leg_lengths", "effective_foot_length_ratio", "mean_moment_arm_m", "arc_rms_m")}}
-            for row in table.conditions
-            for means, words in ((row.measured, "plate"), (row.model, "model"), (row.foot_alone, "model, foot alone"))],
-        "walk_rows": [
-            {**vars(row), **{f"{side}_{name}": getattr(getattr(row, side), name)
-                             for side in ("measured", "model") for name, _, _ in _PANELS}} for row in table.walks],
+            {"fulcrum_mm": row.fulcrum_mm, "source": words, "footfalls": means["radius_m"].n,
+             **{f"{name}_{what}": getattr(own, what) for what in ("mean", "sd") for name, own in means.items()}}
+            for row in table.conditions for means, words in ((row.measured, "plate"), (row.model, "model"))],
         "iso_ends": [*iso.positions[:1], *iso.positions[1:][-1:]],
-        **{name: [{**vars(row), "follows": "yes" if row.follows else "NO"} for row in rows]
-           for name, rows in (("followed", iso.positions), ("followed_with_friction", iso.with_friction))},
+        "followed": [{**vars(row), "follows": "yes" if row.follows else "NO"} for row in iso.positions],
         "changes": {name: [100.0 * (getattr(other, name) / getattr(row, name) - 1.0) for row, other in pairs
                            if getattr(row, name) is not None and getattr(other, name) is not None]
                     for name in ("deflection_forefoot_mm", "radius_m", "dorsiflexing_moment_nm")},
@@ -139,7 +133,7 @@ def _shape_figure(table: RollOverTable, arrays: Arrays) -> Figure:
         shapes = figure.add_subplot(grid[0, :])
         for i, condition in enumerate(table.conditions):
             fulcrum = condition.fulcrum_mm
-            own = [row.curves for row in table.walks if row.fulcrum_mm == fulcrum]
+            own = [f"walk_{i}" for i, row in enumerate(table.walks) if row.fulcrum_mm == fulcrum]
             for side, look, words in (("measured", MEASURED, "plate"), ("model", SIMULATED, "model")):
                 # where all are known, else NaN
                 forward, up = (1e3 * np.mean([arrays[f"{name}_{side}_{axis}_m"] for name in own], axis=0)
