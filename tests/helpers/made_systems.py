@@ -6,18 +6,14 @@ Whoever adds a system adds it to `force_systems` or `further_systems`; a test fa
 from __future__ import annotations
 
 import dataclasses
-import importlib
-import pkgutil
-from types import ModuleType
 
+import api_pages
+import docstrings
 from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from pydrake.systems.scalar_conversion import TemplateSystem
 
-from vsf_drake import plants
-from vsf_drake import systems as systems_package
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.systems.contact import (
@@ -75,26 +71,14 @@ def foot_forces() -> LeafSystem:
     return forces
 
 
-def modules_of(package: ModuleType) -> list[ModuleType]:
-    """All public modules of `package`, imported."""
-    names = [info.name for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")]
-    return [importlib.import_module(name) for name in names
-            if not any(part.startswith("_") for part in name.split("."))]
-
-
 def public_systems() -> set[type]:
     """Every public LeafSystem class of `vsf_drake.systems`, as it is for float."""
-    found = set()
-    for module in modules_of(systems_package):
-        for name, value in vars(module).items():
-            cls = value.get_instantiation(float)[0] if isinstance(value, TemplateSystem) else value
-            if not name.startswith("_") and isinstance(cls, type) and issubclass(cls, LeafSystem):
-                found.add(cls)
-    return {cls for cls in found if cls.__module__.startswith("vsf_drake.")}
+    return {template.get_instantiation(float)[0] for module in api_pages.public_modules()
+            for template in docstrings.template_systems(module).values()}
 
 
 def public_diagrams() -> set[type]:
     """Every public class of `vsf_drake.plants` that holds a finished diagram."""
-    return {value for module in modules_of(plants) for name, value in vars(module).items()
-            if not name.startswith("_") and dataclasses.is_dataclass(value)
+    return {value for module in api_pages.public_modules() if module.__name__.startswith("vsf_drake.plants.")
+            for name, value in vars(module).items() if not name.startswith("_") and dataclasses.is_dataclass(value)
             and "diagram" in {field.name for field in dataclasses.fields(value)}}

@@ -31,14 +31,6 @@ def test_continuous_at_the_limits_and_at_zero():
         assert below == pytest.approx(above, abs=1e-6)
 
 
-def test_six_axes_at_once_equal_one_at_a_time():
-    rng = np.random.default_rng(0)
-    arrays = {name: rng.uniform(0.1, 1.0, 6) for name in AXIS if name != "stop_ratio"}
-    q, v = rng.normal(size=6), rng.normal(size=6)
-    each = [axis_force(q[i], v[i], **{k: a[i] for k, a in arrays.items()}, stop_ratio=3.0) for i in range(6)]
-    np.testing.assert_allclose(axis_force(q, v, **arrays, stop_ratio=3.0), each)
-
-
 def test_gradients_equal_finite_differences_and_are_finite_at_the_kinks(assert_gradient, autodiff_gradient):
     for q in (-0.03, -0.01, 0.01, 0.03):
         for v in (-0.8, -0.1, 0.1, 0.8):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -20,12 +18,6 @@ def level(*heights):
 def carrying(x, y, patches):
     """Which of the floor and a strip on it carries at each x."""
     return [patch_under(each, y, np.array([FLOOR, STRIP]), patches)[0] for each in x]
-
-
-def test_plane_rises_along_x_by_its_slope_and_along_y_by_its_bank():
-    plane = np.array([[1.0, 0.2, math.tan(0.1), math.tan(0.05)]])
-    for x, y, rise in ((1.0, 0.0, 0.0), (3.0, 0.0, 2.0 * math.tan(0.1)), (1.0, 2.0, 2.0 * math.tan(0.05))):
-        assert patch_under(x, y, np.array([FLOOR]), plane) == (0, pytest.approx(0.2 + rise))
 
 
 def test_highest_patch_under_a_point_carries_and_outside_all_there_is_none():

@@ -40,13 +40,6 @@ def test_second_derivative_by_depth_is_continuous_through_touch_down(compliance)
     assert np.abs(bends(1e-6, 0.0)).max() <= 1.01 * 0.75 * LAW["stiffness"] / WIDTHS["depth_width"]
 
 
-def test_second_derivative_by_depth_rate_is_continuous_through_zero():
-    def bends(step):
-        return np.diff(normal_force(2e-3, np.arange(-0.03, 0.03, step), **LAW, **WIDTHS), 2) / step**2
-
-    assert np.abs(np.diff(bends(1e-5))).max() < np.abs(np.diff(bends(8e-5))).max() / 6.0
-
-
 def test_soft_ground_shares_the_rounded_penetration():
     depth, share = foam_depth(rounded_positive_part(3e-4, 5e-4), stiffness=3e4, exponent=1.0, compliance=1.0 / 2e4)
     expected = kelvin_voigt.normal_force(depth, share * 0.2, **LAW)

@@ -27,13 +27,6 @@ def test_smooth_coefficient_meets_the_table_at_its_rows_and_differs_elsewhere_by
     assert smooth.max() <= 0.5 + 1e-15
 
 
-def test_smooth_coefficient_has_a_continuous_slope():
-    h = 1e-7
-    for u in (1.0, 1.5):
-        left, mid, right = smooth_friction_coefficient(0.1 * np.array([u - h, u, u + h]), **PAPER)
-        assert right - mid == pytest.approx(mid - left, abs=20 * h * h)
-
-
 @BOTH
 def test_force_is_the_coefficient_times_the_normal_force_against_the_slip_and_takes_energy(smooth):
     direction = np.array([0.6, -0.8])

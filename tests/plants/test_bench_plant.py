@@ -39,13 +39,3 @@ def test_positive_pitch_lifts_the_toes_about_the_mount(machine):
     assert toe[2] - heel[2] == pytest.approx(0.229 * np.sin(0.25))
     mount = X @ np.array([FOOT.pylon_x_m, 0.0, FOOT.build_height_m + sole_height(FOOT)])
     np.testing.assert_allclose(mount, [0.3, 0.0, 0.2], atol=1e-12)
-
-
-def test_nothing_weighs_and_friction_is_an_option(machine):
-    context = machine.plant.CreateDefaultContext()
-    np.testing.assert_array_equal(machine.plant.CalcGravityGeneralizedForces(context), 0.0)
-    smooth = make_roll_over_machine(FOOT, friction=False).forces
-    own = smooth.CreateDefaultContext()
-    assert float(smooth.GetParameter(own, "mu_static")[0]) == 0.0 == float(smooth.GetParameter(own, "mu_kinetic")[0])
-    rough = machine.forces
-    assert float(rough.GetParameter(rough.CreateDefaultContext(), "mu_static")[0]) == FOOT.friction.mu_static

@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pressed_keel import keel_names, last_before, rise_in_mujoco
-from pydrake.geometry import Box, Role
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot
 from vsf_drake.plants.export import foot_mjcf
-from vsf_drake.plants.visuals import add_foot_visuals
 from vsf_drake.simulation.bench import keel_shape
 
 mujoco = pytest.importorskip("mujoco")
@@ -78,25 +75,6 @@ def test_frames_masses_and_inertias_are_those_of_drake(posed):
     order = [plant.GetJointByName(name).velocity_start() for name in names]
     known = plant.CalcMassMatrix(context)[np.ix_(order, order)]
     np.testing.assert_allclose(full[np.ix_(at, at)], known, rtol=1e-8, atol=1e-12)
-
-
-def test_drawings_are_where_drake_has_them():
-    """With all coordinates zero but the carriage's; MuJoCo's sizes are halves."""
-    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
-    add_foot_visuals(plant, add_foot(plant, plant.world_frame(), NOMINAL))
-    model, inspector = compiled(NOMINAL, 0.108), scene_graph.model_inspector()
-    drawn = inspector.GetAllGeometryIds(Role.kIllustration)
-    for i in drawn:
-        body = plant.GetBodyFromFrameId(inspector.GetFrameId(i)).name()
-        geom, X_BG = model.geom(f"{body}_{inspector.GetName(i).split('::')[-1]}"), inspector.GetPoseInFrame(i)
-        np.testing.assert_allclose(geom.pos, X_BG.translation(), atol=1e-11)
-        np.testing.assert_allclose(matrix(geom.quat), X_BG.rotation().matrix(), atol=1e-11)
-        shape = inspector.GetShape(i)
-        if isinstance(shape, Box):
-            np.testing.assert_allclose(2.0 * geom.size, shape.size(), rtol=1e-11)
-        else:
-            assert geom.size[0] == pytest.approx(shape.radius(), rel=1e-11)
-    assert np.count_nonzero(model.geom_group == 2) == len(drawn) == 9 + 1 + 2 + 24
 
 
 def test_dampers_foam_and_servo_have_their_numbers():

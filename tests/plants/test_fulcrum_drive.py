@@ -90,20 +90,6 @@ def test_a_loaded_foot_keeps_its_fulcrum():
     assert port(rig, "phase", root) == 0.0
 
 
-def test_the_support_s_load_brakes_the_carriage_through_the_rail():
-    rig = made()
-    root = rig.diagram.CreateDefaultContext()
-    actuator = rig.drive.actuator
-    own = actuator.GetMyMutableContextFromRoot(root)
-    own.get_mutable_continuous_state_vector()[1] = 0.05
-    plant_context = rig.plant.GetMyMutableContextFromRoot(root)
-    free = actuator.EvalTimeDerivatives(own)[1]
-    rig.plant.GetJointByName("keel_1", rig.foot.instance).set_angle(plant_context, 0.05)
-    forces = rig.wired.forces.GetMyContextFromRoot(root)
-    assert abs(rig.wired.GetOutputPort("support_force").Eval(forces)[0]) > 50.0
-    assert actuator.EvalTimeDerivatives(own)[1] < free - 0.5
-
-
 @pytest.mark.parametrize("contact", ["drake_point", "kelvin_voigt"])
 def test_in_a_plant_with_a_time_step_support_and_carriage_follow_too(contact):
     builder = DiagramBuilder()

@@ -12,7 +12,6 @@ from pydrake.multibody.tree import JointIndex
 from vsf_drake.ground import Ground, GroundPatch
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.gait import make_gait
-from vsf_drake.systems import GroundReaction, KelvinVoigtContact, StickSlipFriction
 
 STANDING_M = 0.93
 """Pelvis height at which both feet of the subject are in the ground."""
@@ -107,46 +106,16 @@ def stood(gait):
     return context
 
 
-def separate_systems(gait, context, sites, friction):
-    """The outputs of one foot on the plane z = 0 by a system for each force, at the plant's state."""
-    place = {"body_indices": sites.body_indices, "p_BS": sites.p_BS, "radius": sites.radius}
-    contact = KelvinVoigtContact(**place, **sites.law)
-    slip = StickSlipFriction(**place, mu_static=friction.mu_static, mu_kinetic=friction.mu_kinetic,
-                             threshold_velocity=friction.threshold_velocity_m_per_s)
-    inputs = dict(outputs(gait.plant, gait.plant_context(context), ("body_poses", "body_spatial_velocities")))
-    measured = {}
-    for system, names in ((contact, ("normal_force", "depth")), (slip, ("friction_force",)),
-                          (GroundReaction(**place), ("grf", "cop", "free_moment"))):
-        own = system.CreateDefaultContext()
-        for i in range(system.num_input_ports()):
-            port = system.get_input_port(i)
-            port.FixValue(own, measured[port.get_name()] if port.get_name() in measured else inputs[port.get_name()])
-        measured |= dict(outputs(system, own, names))
-    return measured
-
-
-def outputs(system, context, names):
-    return ((name, system.GetOutputPort(name).Eval(context)) for name in names)
-
-
-def test_a_person_has_on_the_plane_the_forces_of_the_separate_systems(subject):
+def test_a_patch_under_the_intact_foot_alone_raises_its_force_alone(subject):
+    ground = Ground(patches=(GroundPatch(), GroundPatch(name="kerb", from_y_m=0.02, height_m=0.003)))
     model = ModelParameters()
     rubber = replace(model.intact_foot.friction, mu_static=0.9, mu_kinetic=0.7)
     model = replace(model, intact_foot=replace(model.intact_foot, friction=rubber))
-    gait = make_gait(subject, model)
-    context = stood(gait)
-    for prefix, sites, friction in (("", gait.person.foot.sites, model.foot.friction),
-                                    ("intact_", gait.person.intact_sites, rubber)):
-        expected = separate_systems(gait, context, sites, friction)
-        assert expected["grf"][2] > 100.0
-        for name in FOOT:
-            measured = gait.diagram.GetOutputPort(prefix + name).Eval(context)
-            np.testing.assert_allclose(measured, expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
-
-
-def test_a_patch_under_the_intact_foot_alone_raises_its_force_alone(subject):
-    ground = Ground(patches=(GroundPatch(), GroundPatch(name="kerb", from_y_m=0.02, height_m=0.003)))
-    level, kerb = (make_gait(subject, ModelParameters(), g) for g in (Ground(), ground))
+    level, kerb = (make_gait(subject, model, g) for g in (Ground(), ground))
     one, two = (values(g.diagram, stood(g), ("grf", "intact_grf")) for g in (level, kerb))
     assert two["intact_grf"][2] > one["intact_grf"][2] + 50.0
     np.testing.assert_array_equal(one["grf"], two["grf"])
+    for name, friction in (("prosthetic", model.foot.friction), ("intact", rubber)):
+        forces = kerb.forces[name]
+        np.testing.assert_array_equal(forces.GetParameter(forces.CreateDefaultContext(), "mu_kinetic"),
+                                      [friction.mu_kinetic] * 2)

@@ -11,17 +11,14 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, PrismaticJoint
-from pydrake.systems.analysis import Simulator
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from vsf_drake.errors import InputError
-from vsf_drake.parameters import GRAVITY, FootParameters
+from vsf_drake.parameters import FootParameters
 from vsf_drake.plants import add_foot, wire_foot
-from vsf_drake.plants.contact_geometry import add_ground_geometry
 from vsf_drake.plants.export import foot_sdf
 from vsf_drake.plants.parsed_foot import find_foot
-from vsf_drake.plants.solids import box
 from vsf_drake.plants.station import add_model_package
 
 FOOT = FootParameters()
@@ -248,23 +245,3 @@ def test_time_steps_at_which_joint_springs_diverge_are_refused():
     plant.Finalize()
     with pytest.raises(InputError, match=r"find_foot before plant.Finalize"):
         find_foot(plant, "vsf", FOOT, contact="drake_point")
-
-
-@pytest.mark.parametrize("springs", [True, False])
-def test_parsed_foot_stands_in_a_plant_with_a_time_step(springs):
-    """One second of 1 ms on the floor: it bears its weight and a leg's, within the rest of its motion."""
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
-    Parser(plant).AddModelsFromString(foot_sdf(FOOT, springs=springs), "sdf")
-    load = plant.AddRigidBody("load", plant.GetModelInstanceByName("vsf"), box(20.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.1)))
-    plant.WeldFrames(load.body_frame(), plant.GetFrameByName("vsf_mount"))
-    plant.AddJoint(PrismaticJoint("rail", plant.world_frame(), load.body_frame(), [0.0, 0.0, 1.0]))
-    add_ground_geometry(plant)
-    foot = find_foot(plant, "vsf", FOOT, contact="drake_point")
-    plant.GetJointByName("rail").set_default_translation(0.088)
-    plant.Finalize()
-    wired = wire_foot(builder, plant, foot)
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(1.0)
-    grf = wired.GetOutputPort("grf").Eval(wired.reaction.GetMyContextFromRoot(simulator.get_context()))
-    assert grf[2] == pytest.approx(20.649 * GRAVITY, rel=5e-3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pydrake.geometry import Role, SceneGraph, Sphere
+from pydrake.geometry import Role, SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
@@ -16,8 +16,6 @@ from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.person import add_person
 from vsf_drake.plants.solids import frustum_volume
 from vsf_drake.plants.visuals import (
-    LEAST_RADIUS_M,
-    SITE_NAME,
     add_foot_visuals,
     add_visuals,
     draw_ground,
@@ -56,9 +54,8 @@ def test_frustum_is_closed_and_faces_outward():
     assert volume == pytest.approx(polygon * frustum_volume(0.09, 0.05, 0.4), rel=1e-4)
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_every_segment_and_device_part_is_drawn(side):
-    plant, inspector, person = drawn_person(side)
+def test_every_segment_and_device_part_is_drawn():
+    plant, inspector, person = drawn_person("left")
     drawn = {plant.GetBodyFromFrameId(inspector.GetFrameId(g)).name()
              for g in inspector.GetAllGeometryIds(Role.kIllustration)}
     bodies = [*person.segments.values(), *person.foot.keel, person.foot.frame, person.socket.socket,
@@ -79,19 +76,6 @@ def test_pelvis_and_its_ellipsoid_have_the_trunks_radii_of_gyration():
     solid = SpatialInertia.SolidEllipsoidWithMass(body.pelvis_mass, shape.a(), shape.b(), shape.c())
     np.testing.assert_allclose(solid.CalcRotationalInertia().get_moments(), expected, rtol=1e-12)
     np.testing.assert_allclose(inspector.GetPoseInFrame(geometry).translation(), inertia.get_com(), atol=1e-15)
-
-
-def test_drawn_spheres_touch_where_the_contact_spheres_do():
-    plant, inspector, person = drawn_person("right")
-    sites = person.foot.sites
-    for i, index in enumerate(sites.body_indices):
-        frame = plant.GetBodyFrameIdOrThrow(index)
-        geometry = inspector.GetGeometryIdByName(frame, Role.kIllustration, f"vsf::{SITE_NAME.format(i)}")
-        shape = inspector.GetShape(geometry)
-        centre = inspector.GetPoseInFrame(geometry).translation()
-        assert isinstance(shape, Sphere)
-        assert shape.radius() == max(sites.radius[i], LEAST_RADIUS_M)
-        np.testing.assert_allclose(centre - [0, 0, shape.radius()], sites.p_BS[i] - [0, 0, sites.radius[i]], atol=1e-15)
 
 
 def registered_plant():

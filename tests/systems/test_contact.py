@@ -84,15 +84,6 @@ def test_friction_is_the_law_at_the_slip_of_the_full_radius(rig, evaluate, smoot
         assert_applied(rig, context, out["spatial_forces"], p - rig.radius[:, None] * Z, expected)
 
 
-def test_rolling_on_the_full_radius_is_free_of_friction_at_any_depth(rig, evaluate):
-    system = StickSlipFriction(body_indices=[rig.frame], p_BS=np.zeros((1, 3)), radius=0.03, **SLIP)
-    for height in (0.03, 0.01):
-        context = rig.plant.CreateDefaultContext()
-        rig.plant.SetPositions(context, [0, 0, height, 0, 0, 0, 0, 0, 0])
-        rig.plant.SetVelocities(context, [0.06, 0, 0, 0, 0, 2.0, 0, 0, 0])
-        np.testing.assert_allclose(evaluate(system, context, normal_force=[500.0])["friction_force"], 0.0, atol=1e-10)
-
-
 def loads(seed):
     rng = np.random.default_rng(seed)
     normal, friction = rng.uniform(0.0, 300.0, 5), np.zeros((5, 3))
@@ -116,14 +107,6 @@ def test_moment_of_all_forces_about_the_centre_of_pressure_is_the_free_moment(ri
         assert np.linalg.norm(out["cop"][:2] - mean) <= 0.3 * np.sqrt(2) * deepest
     out = evaluate(made(GroundReaction, rig), rig.context(), normal_force=np.zeros(5), friction_force=np.zeros(15))
     assert not any(np.any(value) for value in out.values())
-
-
-def test_centre_of_pressure_of_points_in_the_plane_is_their_force_weighted_mean(rig, evaluate):
-    """The paper's equation (4)."""
-    p_BS = np.array([[0.0, 0.0, 0.03], [0.1, 0.02, 0.03], [0.1, -0.03, 0.03], [0.2, 0.01, 0.03], [0.05, 0.0, 0.03]])
-    system, (normal, friction) = GroundReaction(body_indices=[rig.frame] * 5, p_BS=p_BS, radius=0.03), loads(7)
-    out = evaluate(system, rig.plant.CreateDefaultContext(), normal_force=normal, friction_force=friction.ravel())
-    np.testing.assert_allclose(out["cop"][:2], normal @ p_BS[:, :2] / normal.sum(), rtol=1e-12)
 
 
 def test_platen_is_a_spring_and_damper_to_each_site_and_pushes_it_upwards(rig, evaluate):

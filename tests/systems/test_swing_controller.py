@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.autodiffutils import AutoDiffXd
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform, RigidTransform_, RollPitchYaw_, RotationMatrix
+from pydrake.math import RigidTransform, RigidTransform_, RollPitchYaw, RollPitchYaw_, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity, SpatialVelocity_
 from pydrake.systems.analysis import Simulator
 
@@ -93,13 +92,9 @@ def test_the_shank_s_forward_swing_enables_and_nothing_in_stance_does():
     assert not one[share < 0.68].any()
     assert one[(share > 0.71) & (share < 0.94)].all()
     assert not one[share > 0.96].any()
-
-
-def test_rocking_back_while_standing_does_not_enable():
-    t = np.arange(0, 3.0, PERIOD)
-    lean, rate = np.radians(12) * np.sin(8 * t), np.radians(12) * 8 * np.cos(8 * t)
-    assert np.max(-rate) > 1.0
-    inputs = [{"shank_angle": [a, w], "desired_position": 0.12} for a, w in zip(lean, rate, strict=True)]
+    t = np.arange(0, 3.0, PERIOD)  # who rocks back while standing is as fast, and leans less
+    inputs = [{"shank_angle": [a, w], "desired_position": 0.12} for a, w in zip(
+        np.radians(12) * np.sin(8 * t), np.radians(12) * 8 * np.cos(8 * t), strict=True)]
     assert not follow(SwingController(signal="shank"), inputs)[0].any()
 
 
@@ -137,9 +132,10 @@ def test_a_controller_that_cannot_be_is_refused(arguments, words):
 
 
 def test_recorder_adds_up_the_swings_and_the_energy_of_each_adjustment():
-    """Two swings to get there, a swing without need, one more adjustment of one swing."""
+    """Two swings to get there, a swing without need, one more adjustment of one swing, which takes 0.1 J before it is
+    seen enabled."""
     rows = [(0, 0.0, 0.05), (1, 0.0, 0.05), (1, 0.4, 0.03), (0, 0.5, 0.03), (0, 0.5, 0.03), (1, 0.5, 0.03),
-            (1, 0.9, 5e-4), (0, 1.0, 5e-4), (0, 1.0, 5e-4), (1, 1.0, 5e-4), (0, 1.0, 5e-4), (1, 1.0, -0.02),
+            (1, 0.9, 5e-4), (0, 1.0, 5e-4), (0, 1.0, 5e-4), (1, 1.0, 5e-4), (0, 1.0, 5e-4), (1, 1.1, -0.02),
             (1, 1.2, 0.0), (0, 1.25, 0.0)]
     inputs = [dict(zip(("enabled", "energy", "position_error"), row, strict=True)) for row in rows]
     ended, energy, swings = follow(AdjustmentRecorder(), inputs)
@@ -148,15 +144,6 @@ def test_recorder_adds_up_the_swings_and_the_energy_of_each_adjustment():
     assert energy[-1] == pytest.approx(0.25)
     assert swings[7] == 2
     assert swings[-1] == 1
-
-
-def test_recorder_counts_the_inrush_before_it_sees_the_motor_enabled():
-    """The motor is enabled between samples and takes 0.3 J at once, a fifth more later."""
-    rows = [(0, 2.0, 0.02), (1, 2.3, 0.019), (1, 2.36, 1e-4), (0, 2.36, 1e-4)]
-    inputs = [dict(zip(("enabled", "energy", "position_error"), row, strict=True)) for row in rows]
-    ended, energy, _ = follow(AdjustmentRecorder(), inputs)
-    assert ended[-1] == 1
-    assert energy[-1] == pytest.approx(0.36)
 
 
 def angle(R_WB, w_WB_W=(0.0, 0.0, 0.0)):
@@ -179,33 +166,16 @@ def test_leaning_forward_is_positive_whatever_the_heading():
 
 
 def test_rate_is_the_derivative_of_the_angle_in_any_motion():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        R_WB = RotationMatrix(RollPitchYaw_[float](rng.uniform(-0.7, 0.7, 3)).ToRotationMatrix().matrix())
-        w = rng.normal(size=3)
-
-        def turned(h, R_WB=R_WB, w=w):
-            axis = w / np.linalg.norm(w)
-            return angle(RotationMatrix(AngleAxis(h * np.linalg.norm(w), axis)) @ R_WB)[0]
-
-        assert angle(R_WB, w)[1] == pytest.approx((turned(1e-6) - turned(-1e-6)) / 2e-6, abs=1e-8)
-
-
-def test_derivatives_are_exact():
-    converted = ShankAngle(body_index=0).ToAutoDiffXd()
-    context = converted.CreateDefaultContext()
-    x = InitializeAutoDiff(np.array([0.1, 0.4, -0.2])).ravel()
-    T = type(x[0])
-    pose = RigidTransform_[T](RollPitchYaw_[T](x).ToRotationMatrix(), [T(0.0)] * 3)
-    converted.GetInputPort("body_poses").FixValue(context, AbstractValue.Make([pose]))
-    velocity = SpatialVelocity_[T](np.array([T(0.3), T(-0.5), T(0.2)]), np.array([T(0.0)] * 3))
-    converted.GetInputPort("body_spatial_velocities").FixValue(context, AbstractValue.Make([velocity]))
-    out = converted.get_output_port().Eval(context)
-
-    def plain(rpy):
-        return np.array(angle(RotationMatrix(RollPitchYaw_[float](rpy).ToRotationMatrix().matrix()), [0.3, -0.5, 0.2]))
-
-    point = np.array([0.1, 0.4, -0.2])
-    expected = np.stack([(plain(point + 1e-6 * e) - plain(point - 1e-6 * e)) / 2e-6 for e in np.eye(3)], axis=1)
-    np.testing.assert_allclose(ExtractValue(out).ravel(), plain(point), atol=1e-14)
-    np.testing.assert_allclose(ExtractGradient(out), expected, atol=1e-8)
+    """By AutoDiffXd along the motion."""
+    sensor = ShankAngle(body_index=0).ToAutoDiffXd()
+    context, rng = sensor.CreateDefaultContext(), np.random.default_rng(3)
+    for _ in range(5):
+        rpy, rates = rng.uniform(-0.7, 0.7, 3), rng.normal(size=3)
+        attitude = RollPitchYaw_[AutoDiffXd]([AutoDiffXd(a, [rate]) for a, rate in zip(rpy, rates, strict=True)])
+        w_WB_W = RollPitchYaw(rpy).CalcAngularVelocityInParentFromRpyDt(rates)
+        pose = RigidTransform_[AutoDiffXd](attitude.ToRotationMatrix(), [AutoDiffXd(0.0)] * 3)
+        velocity = SpatialVelocity_[AutoDiffXd](w_WB_W, np.zeros(3))
+        sensor.GetInputPort("body_poses").FixValue(context, AbstractValue.Make([pose]))
+        sensor.GetInputPort("body_spatial_velocities").FixValue(context, AbstractValue.Make([velocity]))
+        lean, rate = sensor.get_output_port().Eval(context)
+        assert rate.value() == pytest.approx(lean.derivatives()[0], abs=1e-12)

@@ -1,8 +1,5 @@
-"""Elementwise functions that numpy lacks, or differentiates badly, on object arrays of AutoDiffXd.
-
-`np.maximum` and `np.clip` would put plain floats beside AutoDiffXd into one array, and
-`AutoDiffXd ** AutoDiffXd` does not exist; on float arrays the numpy functions are used.
-"""
+"""Elementwise functions that numpy lacks, or differentiates badly, on object arrays of AutoDiffXd: `np.maximum` and
+`np.clip` would put plain floats beside AutoDiffXd, and `AutoDiffXd ** AutoDiffXd` does not exist."""
 
 from __future__ import annotations
 
@@ -30,11 +27,8 @@ def unit_clip(x: Values) -> Array:
 
 
 def power(base: Values, exponent: Values) -> Array:
-    """base ** exponent for base >= 0 and exponent > 0.
-
-    Where the exponent is an AutoDiffXd its derivative is included, and the gradient at
-    base = 0 is zero (the one from the side of no contact, also for an exponent of 1).
-    """
+    """base ** exponent for base >= 0 and exponent > 0; the gradient at base = 0 is zero where the exponent is an
+    AutoDiffXd."""
     base, exponent = np.asarray(base), np.asarray(exponent)
     if exponent.dtype != object:
         return np.asarray(base**exponent)

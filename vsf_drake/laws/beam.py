@@ -49,9 +49,8 @@ def lumped_stiffness(
 ) -> float:
     """Exact small-load stiffness (N/m) of a chain of elements: rigid half, sprung joint, rigid half.
 
-    Each joint, in the middle of its element, has stiffness E I / L_element and adds M² L_element /
-    (E I) to the compliance, M being the bending moment there per unit load: a midpoint rule for the
-    integral of M² / (E I), so second order in the element length except for the element under B.
+    Each joint adds M² L_element / (E I) to the compliance, M being the bending moment there per unit load: a midpoint
+    rule for the integral of M² / (E I).
 
     Args:
         element_lengths: from A, or the end of a rigid part of `rigid_length` (m) there, to the toe (m).

@@ -2,13 +2,10 @@
 
 numba takes kept code for valid as long as the file of the compiled function is the same; but that code also holds the
 functions of other files that it calls. So our code is kept in a folder that is named after the content of every file
-with compiled functions: whatever changes there, everything is compiled anew.
+with compiled functions: in NUMBA_CACHE_DIR if that is set, else in the package's own `__pycache__`, else in the user's
+cache; where none of them can be written every process compiles anew.
 
-The folder is in NUMBA_CACHE_DIR if that is set, else in the package's own `__pycache__`, else in the user's cache.
-Where none of them can be written (a container without a home) every process compiles anew.
-
-Division by zero gives infinity as in numpy arrays, not an exception, which would cost a branch each time; the
-steppers look for numbers that are not finite.
+Division by zero gives infinity as in numpy arrays, not an exception; the steppers look for numbers that are not finite.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 Patch i is the plane z = height + slope (x - reference_x) + bank y over a rectangle of the world's x and y. A sphere
 meets the highest patch whose rectangle its centre is over or under, and of equally high ones the last, so that what is
-laid on a floor counts. The edges of patches are not touched: a sphere that crosses the edge of a step finds itself in
-it or above it at once.
+laid on a floor counts. A sphere that crosses the edge of a step finds itself in it or above it at once.
 """
 
 from __future__ import annotations
@@ -40,8 +39,8 @@ def patch_under(x: float, y: float, bounds: np.ndarray, patches: np.ndarray) -> 
 def foam_root(depth: float, softness: float, exponent: float) -> float:
     """d in [0, depth] with d + softness d**exponent = depth, of floats.
 
-    Increasing and convex in d for exponents >= 1, so Newton's method from above never passes the root. It begins at
-    the smaller of the depths that foam alone and ground alone would allow, where each term is within the depth.
+    Convex in d for exponents >= 1, so Newton's method from above, where each term is within the depth, never passes the
+    root.
     """
     if softness == 0.0 or depth <= 0.0:
         return max(depth, 0.0)

@@ -27,13 +27,11 @@ def normal_force(
 
 
 def matched_dissipation(*, stiffness: float, exponent: float, damping: float, depth: float) -> float:
-    """Dissipation (s/m) that loses in a half-sine stroke to `depth` what `kelvin_voigt` with full `damping` loses.
+    """Dissipation (s/m) that loses in a half-sine stroke to `depth` D (m), well beyond the full-damping depth, what
+    `kelvin_voigt` with full `damping` (N s/m) loses.
 
     For depth(t) = D sin(w t): loading alone loses damping D² w pi/4 there, both branches here
     stiffness dissipation D**(n + 2) w B((n + 1)/2, 3/2), with Euler's beta function B (derived).
-
-    Args:
-        stiffness: N/m**exponent. damping: N s/m. depth: D (m), well beyond the full-damping depth.
     """
     if stiffness == 0.0 or damping == 0.0:
         return 0.0

@@ -21,12 +21,8 @@ def smooth_step(u: Values) -> Array:
 
 
 def penetration_depth(height: Values, radius: Values) -> Array:
-    """Depth max(0, radius - height) (m) of a sphere in the ground.
-
-    `height` is that of its centre above the ground (m). One-sided: a centre below the ground is still pushed up. The
-    library instead takes the distance |z|, so that its plane pushes a sphere that has passed through it out of the
-    other face; and it knows a plane depth, which here is part of `height`.
-    """
+    """Depth max(0, radius - height) (m) of a sphere whose centre is `height` (m) above the ground, and which is pushed
+    up below it too; the library's plane, by the distance |z|, pushes it out of the other face."""
     return positive_part(np.asarray(radius) - height)
 
 
@@ -37,7 +33,6 @@ def normal_force(
     """Normal force stiffness · depthⁿ + damping · max(depth_rate, 0) · smooth_step(depth / full_damping_depth).
 
     Never negative (no adhesion) and without damping while the sphere leaves, so all loss is in the loading branch.
-    Continuous in depth and depth rate; the gradient has a kink at depth rate zero and, for exponent 1, at touch-down.
     Valid for exponents >= 1.
 
     Args:

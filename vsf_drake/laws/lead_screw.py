@@ -1,4 +1,4 @@
-"""A lead screw turned by a geared direct-current motor: torques, efficiencies, self-locking, acceleration, power.
+"""A lead screw turned by a geared direct-current motor: efficiencies, self-locking, acceleration.
 
 Screw (Mott, Machine Elements in Mechanical Design, 4th ed., eqs. 17-7, 17-10 and 17-11, divided by the cosine of the
 flank angle; friction of a collar is left out). The thread of lead p and mean diameter d_m climbs at the lead angle
@@ -10,13 +10,11 @@ that moves an axial load F is
 
 then the screw locks itself, and no load, however large, turns it. Without friction T = F p / (2 pi).
 
-Motor (a text-book line): current i = (V - k ω) / R, torque k i - friction. The winding's inductance is left out: its
-time constant, some tenths of a millisecond, is short against the milliseconds in which the carriage gets under way.
+Motor (a text-book line): current i = (V - k ω) / R, torque k i - friction; the winding's inductance is left out, some
+tenths of a millisecond against the milliseconds in which the carriage gets under way.
 
-The friction of rail, thread and motor opposes motion by the factor tanh(v / creep speed) instead of sign(v), so that
-everything is smooth: what a locked screw holds, it holds by creeping, always slower than `locked_creep_speed`.
-The two branches (load against or with the motion) make the friction force continuous, with a kink where the load
-changes sign. SI units throughout; x along the keel to the toe, forces on the carriage along +x.
+Friction opposes motion by the factor tanh(v / creep speed) instead of sign(v): what a locked screw holds, it holds by
+creeping. SI units throughout; x along the keel to the toe, forces on the carriage along +x.
 """
 
 from __future__ import annotations
@@ -54,19 +52,6 @@ def motor_current(voltage: Values, speed: Values, *, torque_constant: Values, re
     return (voltage - torque_constant * speed) / resistance
 
 
-def direction(speed: Values, creep_speed: Values) -> Values:
-    """The regularised sign of the speed, tanh(speed / creep speed)."""
-    return np.tanh(speed / creep_speed)
-
-
-def locked_creep_speed(tangent: Values, friction: Values, creep_speed: Values) -> Values:
-    """Speed (m/s) that no axial load exceeds with the motor off: creep speed · artanh(1 / (1 - returning efficiency));
-    ValueError if the screw does not lock itself."""
-    if not tangent < friction:
-        raise ValueError("the screw gives way under load: its friction is not above the tangent of its lead angle")
-    return creep_speed * np.arctanh(1.0 / (1.0 - returning_efficiency(tangent, friction)))
-
-
 def servo_voltage(error: Values, *, limit: Values, band: Values, tolerance: Values) -> Values:
     """Voltage limit · tanh(e / band), e the error (m) beyond the tolerance, zero within it."""
     beyond = error - tolerance if error > tolerance else error + tolerance if error < -tolerance else 0.0 * error
@@ -83,8 +68,7 @@ def limited_voltage(supply: Values, speed_limit: Values, *, lead: Values, gear_r
 def stop_force(position: Values, velocity: Values, *, low: Values, high: Values, stiffness: Values,
                dissipation: Values) -> Values:
     """Force (N) of the stops at the ends of travel, stiffness · depth · (1 + dissipation · rate of the depth), pushing
-    only. It has no jump on touching: the damping grows with the depth (Hunt & Crossley 1975, exponent 1).
-    """
+    only (Hunt & Crossley 1975, exponent 1)."""
     if position < low:
         depth, rate, sign = low - position, -velocity, 1.0
     elif position > high:
@@ -105,7 +89,7 @@ class CarriageMotion(NamedTuple):
 
 def carriage_motion(drive: Values, resistance: Values, sense: Values, *, rotor_mass: Values, carriage_mass: Values,
                     tangent: Values, friction: Values) -> CarriageMotion:
-    """Solves the screw's and the carriage's equations of motion together.
+    """The screw's and the carriage's equations of motion,
 
         rotor_mass · a = drive - F - D(F),     carriage_mass · a = F - resistance,
 
@@ -116,7 +100,7 @@ def carriage_motion(drive: Values, resistance: Values, sense: Values, *, rotor_m
     Args:
         drive: the motor's torque as a force at the carriage, torque · gear ratio · 2 pi / lead (N).
         resistance: all else that holds the carriage back: rail friction, stops, axial load (N, along -x).
-        sense: `direction` of motion, in [-1, 1].
+        sense: direction of motion, tanh(speed / creep speed).
         rotor_mass: inertia of rotor and screw as a mass at the carriage (kg).
         carriage_mass: kg, > 0.
     """

@@ -1,8 +1,5 @@
-"""Compiled scalar forms of the force laws, with the derivatives that a Newton matrix needs.
-
-Same equations and sources as `vsf_drake.laws`, whose array functions are the definition; a test
-compares the two, and the derivatives with finite differences, over random arguments.
-"""
+"""Compiled scalar forms of the force laws, whose array functions are the definition, with the derivatives that a
+Newton matrix needs."""
 
 from __future__ import annotations
 

@@ -1,10 +1,8 @@
 """Modified Kelvin-Voigt contact with rounded corners: a continuous second derivative by depth and depth rate.
 
 `kelvin_voigt.normal_force` with depth and closing rate replaced by rounded positive parts of the signed depth and of
-the depth rate. It is too large, by at most n k d**(n - 1) 3/16 depth_width with d 3/16 depth_width over the depth, and
-by its damping at 3/16 rate_width: a foot at rest is held by that as well, and a sphere feels the ground depth_width
-above it. Above a ground that gives, the whole penetration is rounded before foam and ground share it, so that no new
-corner comes in.
+the depth rate: too large, by at most n k d**(n - 1) 3/16 depth_width with d 3/16 depth_width over the depth, and by
+its damping at 3/16 rate_width. Above a ground that gives, the penetration is rounded before foam and ground share it.
 """
 
 from __future__ import annotations

@@ -3,10 +3,7 @@
 McGeehan, Adamczyk, Nichols, Hahn 2021 (doi 10.1115/1.4050456), eq. (2), as the library that the
 paper used makes it continuous: mathworks/Simscape-Multibody-Contact-Forces-Library, friction law
 "Stick-Slip Continuous", a table of the coefficient over V / threshold velocity with straight
-lines between 0 (0), 1 (mu_static), 1.5 (mu_kinetic) and 3 (mu_kinetic).
-
-"Stick" is therefore viscous creep: a steady shear of 0.2 times the normal force creeps at 0.4 of
-the threshold velocity when mu_static is 0.5.
+lines between 0 (0), 1 (mu_static), 1.5 (mu_kinetic) and 3 (mu_kinetic). "Stick" is therefore viscous creep.
 """
 
 from __future__ import annotations
@@ -29,9 +26,8 @@ def smooth_friction_coefficient(
     """A coefficient with a continuous derivative, for gradients; same values at u = 0, 1 and from 1.5 on.
 
     With u = speed / threshold_velocity it is mu_static · u (3 - u²) / 2 up to u = 1, then a cubic step down to
-    mu_kinetic at u = 1.5. Odd in u, so the force is smooth through zero slip too. It differs from
-    `friction_coefficient` by at most mu_static / (3 √3) = 0.19 mu_static, at u = 1/√3 (the slope at zero slip is 1.5
-    times as steep), and beyond u = 1 by at most (mu_static - mu_kinetic) / (6 √3) = 0.10 (mu_static - mu_kinetic).
+    mu_kinetic at u = 1.5. It differs from `friction_coefficient` by at most mu_static / (3 √3) up to u = 1 and
+    (mu_static - mu_kinetic) / (6 √3) beyond.
     """
     u = np.asarray(speed) / threshold_velocity
     rise = unit_clip(u)
@@ -42,11 +38,7 @@ def smooth_friction_coefficient(
 def coefficient_per_speed(
     squared: Values, *, mu_static: Values, mu_kinetic: Values, threshold_velocity: Values, smooth: bool = False
 ) -> Array:
-    """mu(V) / V (s/m) of V² (m²/s²).
-
-    Below the threshold velocity it is formed without dividing by V, so that the gradient of mu(V) / V · slip at zero
-    slip is finite: mu_static / threshold_velocity (1.5 times that if smooth).
-    """
+    """mu(V) / V (s/m) of V² (m²/s²); below the threshold without dividing by V, so that gradients are finite at 0."""
     u_squared = np.asarray(squared / (threshold_velocity * threshold_velocity))
     sticks = u_squared < 1.0
     speed = threshold_velocity * np.sqrt(np.where(sticks, 0.0 * u_squared + 1.0, u_squared))

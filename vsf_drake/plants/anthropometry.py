@@ -1,8 +1,7 @@
 """The person's segments: masses, lengths and radii of gyration after de Leva (1996), scaled to the subject.
 
-Source of the table: P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", J Biomech
-29:1223-1230 (1996). "Transverse" is read as the medio-lateral axis and "sagittal" as the antero-posterior one, as
-biomechanics practice does. The pelvis carries head, arms and trunk.
+P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", J Biomech 29:1223-1230; "transverse" is
+read as the medio-lateral axis and "sagittal" as the antero-posterior one. The pelvis carries head, arms and trunk.
 """
 
 from __future__ import annotations
@@ -65,11 +64,8 @@ LEAST_PYLON_M = 0.01
 
 @dataclass(frozen=True)
 class Body:
-    """The subject's segments in SI units. Masses sum to the subject's mass, prosthesis included.
-
-    Lengths are the intact leg's unless they say otherwise. Below the prosthetic knee: residual shank, pylon, and the
-    foot at `placement`, `prosthesis_length` in all from the knee centre to the sole.
-    """
+    """The subject's segments in SI units, lengths the intact leg's unless they say otherwise. Below the prosthetic
+    knee: residual shank, pylon, and the foot at `placement`: `prosthesis_length` in all, to the sole."""
 
     table: SegmentTable
     pelvis_mass: float
@@ -122,13 +118,10 @@ class Body:
 def scale_body(subject: Subject, foot: FootParameters, socket: SocketParameters) -> Body:
     """Segments of `subject`: measured lengths where given, else stature times the table's ratio.
 
-    The pylon is as long as it takes for the measured prosthesis: knee to sole down the shank's axis, less the residual
-    shank and what the placed foot takes up of it. Masses go by body mass, not by length: the two thighs weigh the same,
-    and whatever limbs and prosthesis leave is head, arms and trunk. The residual shank is the proximal part of the
-    intact one, cut at `residual_length_ratio`, of the same density.
-
-    The hip centre follows Hara et al. (2016, doi 10.1038/srep37707) from the intact leg's length, relative to the
-    midpoint of the anterior superior iliac spines, unless measured.
+    The pylon is what residual shank and placed foot leave of the prosthesis, knee to sole. Masses go by body mass, not
+    by length; whatever limbs and prosthesis leave is head, arms and trunk. The residual shank is the proximal part of
+    the intact one, cut at `residual_length_ratio`. The hip centre, relative to the midpoint of the anterior superior
+    iliac spines, follows Hara et al. (2016, doi 10.1038/srep37707) from the intact leg's length unless measured.
     """
     table = DE_LEVA[subject.sex]
     scale = subject.stature_m / table.stature_m
@@ -184,8 +177,7 @@ def residual_volume_ratio(table: SegmentTable, length_ratio: float) -> float:
 # `build_height_m` above the sole: first toe up about the axis to the right, then into inversion about the forward axis
 # that this has turned, then outward about the upright axis that both have turned: the order of the ankle's coordinates
 # (flexion, adduction, rotation; Wu et al. 2002, doi 10.1016/S0021-9290(01)00222-6), so that alignment, inversion and
-# minus toe-out are the ankle angles of the prosthesis. What a trial's manifest adds (`foot.set_mount`) acts between P
-# and the foot, in the foot's own axes: its meaning does not depend on the placement.
+# minus toe-out are the ankle angles of the prosthesis. What a trial's manifest adds (`foot.set_mount`) acts after P.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,8 +199,8 @@ class FootPlacement:
         return RigidTransform(R_DP, np.array([self.fore_aft, -right * self.lateral, 0.0]))
 
     def sole_below(self, build_height: float) -> float:
-        """Distance (m) from the pylon's end down the pylon's axis to the plane of the unloaded sole, which lies
-        `build_height` under P's origin, normal to P's z. Without turns it is the build height itself."""
+        """Distance (m) from the pylon's end down its axis to the plane of the unloaded sole, `build_height` under P's
+        origin, normal to P's z."""
         X_DP = self.pose(mirrored=False)
         normal = X_DP.rotation().matrix()[:, 2]
         return float((build_height - normal @ X_DP.translation()) / normal[2])

@@ -5,17 +5,15 @@
 
 Both know linear stiffness only, and damping after Hunt and Crossley, f = k x (1 + d x'): what a zone's own law
 becomes in them is matched at REFERENCE_LOAD_N and MATCHED_DEPTH_M. Friction is Coulomb's with the foot's two
-coefficients; a plant with a time step takes the kinetic one alone. `add_ground_geometry` makes the ground.
+coefficients; a plant with a time step takes the kinetic one alone.
 
 Why a pad is a mesh and not a Box: the pressure in a compliant box is E e / h, e the distance to the nearest face and h
-half the least dimension, so pressed by a plane to depth D it bears E / h (a b D - (a + b) D² + 4/3 D³). Boxes of the
-length of a keel piece (23 mm) lose half of their load at the 10 mm to which 600 N press the foam. In a mesh the
-pressure is linear between the vertices, 0 at the surface and E deepest within. Here four vertices are within, RIM_M
-below the top and inside the sides, so that the pressure grows with the distance from the sole alone: p' A D, but for
-the rim. (Rigid pads on compliant ground bear the same, but plough through it when they slide.)
+half the least dimension; boxes of the length of a keel piece lose half of their load at the depth to which 600 N press
+the foam. In a mesh the pressure is linear between the vertices, 0 at the surface and E deepest within. Here four
+vertices are within, RIM_M below the top and inside the sides, so that the pressure grows with the distance from the
+sole alone: p' A D, but for the rim.
 
-Drake 1.51 gives no gradients through contact with materials of their own: the diagram converts to AutoDiffXd, and the
-first evaluation over a contact says that hunt_crossley_dissipation is of a different type.
+Drake 1.51 gives no gradients through contact with materials of their own.
 """
 
 from __future__ import annotations
@@ -24,21 +22,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from pydrake import geometry
 from pydrake.common import MemoryFile
-from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
-    AddContactMaterial,
-    AddRigidHydroelasticProperties,
-    Box,
-    CollisionFilterDeclaration,
-    GeometryId,
-    GeometrySet,
-    InMemoryMesh,
-    Mesh,
-    ProximityProperties,
-    Shape,
-    Sphere,
-)
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import ContactModel, CoulombFriction, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
@@ -74,11 +59,8 @@ def dissipation(sites: ContactSites) -> np.ndarray:
 
 
 def point_law(sites: ContactSites) -> tuple[np.ndarray, np.ndarray]:
-    """What Drake's point contact, f = k x (1 + d x'), makes of N spheres' laws: k (N,) N/m and d (N,) s/m.
-
-    k is the secant stiffness**(1/n) F**(1 - 1/n) under REFERENCE_LOAD_N, which is the zone's own for exponent 1; d
-    loses in a half-sine stroke to MATCHED_DEPTH_M what the zone's damping loses (`laws.hunt_crossley`).
-    """
+    """What Drake's point contact, f = k x (1 + d x'), makes of N spheres' laws: k (N,) N/m, the secant stiffness under
+    REFERENCE_LOAD_N, and d (N,) s/m, by `dissipation`."""
     rows = zip(sites.stiffness, sites.exponent, strict=True)
     k = np.array([secant_stiffness(stiffness, exponent, REFERENCE_LOAD_N) for stiffness, exponent in rows])
     return k, dissipation(replace(sites, stiffness=k, exponent=np.ones_like(k)))
@@ -95,21 +77,21 @@ def add_contact_geometry(plant: MultibodyPlant, foot: FootHandles, contact: str)
     mu = CoulombFriction(friction.mu_static, min(friction.mu_kinetic, friction.mu_static))
     stiffness, rate = point_law(sites)
     for i in np.flatnonzero(stiffness):
-        properties, body = ProximityProperties(), plant.get_body(sites.body_indices[i])
-        shape: Shape
+        properties, body = geometry.ProximityProperties(), plant.get_body(sites.body_indices[i])
+        shape: geometry.Shape
         if contact == "drake_point":
-            AddContactMaterial(rate[i], stiffness[i], mu, properties)
-            name, shape, place = f"foam_{i}", Sphere(sites.radius[i]), sites.p_BS[i]
+            geometry.AddContactMaterial(rate[i], stiffness[i], mu, properties)
+            name, shape, place = f"foam_{i}", geometry.Sphere(sites.radius[i]), sites.p_BS[i]
         else:
-            AddCompliantHydroelasticProperties(
+            geometry.AddCompliantHydroelasticProperties(
                 PAD_THICKNESS_M, PRESSURE_PER_DEPTH * (PAD_THICKNESS_M - RIM_M), properties)
-            AddContactMaterial(rate[i], None, mu, properties)
+            geometry.AddContactMaterial(rate[i], None, mu, properties)
             name, shape = f"pad_{i}", _pad(pad_widths(sites)[i])
             place = sites.p_BS[i] - [0.0, 0.0, sites.radius[i]]
         plant.RegisterCollisionGeometry(body, RigidTransform(place), shape, name, properties)
 
 
-def own_geometry(plant: MultibodyPlant, foot: FootHandles) -> list[GeometryId]:
+def own_geometry(plant: MultibodyPlant, foot: FootHandles) -> list[geometry.GeometryId]:
     """The collision geometries on the foot's frame and keel."""
     return [geometry for body in (foot.frame, *foot.keel) for geometry in plant.GetCollisionGeometriesForBody(body)]
 
@@ -122,7 +104,7 @@ def part_own_geometry(builder: DiagramBuilder, plant: MultibodyPlant, foot: Foot
     require(asked, "its geometry query is not connected", "plant",
             "Make plant and SceneGraph with AddMultibodyPlantSceneGraph(builder, time_step)")
     asked[0].collision_filter_manager().Apply(
-        CollisionFilterDeclaration().ExcludeWithin(GeometrySet(own_geometry(plant, foot))))
+        geometry.CollisionFilterDeclaration().ExcludeWithin(geometry.GeometrySet(own_geometry(plant, foot))))
 
 
 def check_scene_graph(plant: MultibodyPlant, contact: str) -> None:
@@ -138,7 +120,7 @@ def check_scene_graph(plant: MultibodyPlant, contact: str) -> None:
             "Leave it at kHydroelasticWithFallback, or take contact drake_point")
 
 
-def _pad(width: float) -> Mesh:
+def _pad(width: float) -> geometry.Mesh:
     """Square prism of tetrahedra over z = 0: four corners below, four within, four above."""
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     layers = ((0.5 * width, 0.0), (0.5 * width - RIM_M, PAD_THICKNESS_M - RIM_M), (0.5 * width, PAD_THICKNESS_M))
@@ -157,24 +139,22 @@ def _pad(width: float) -> Mesh:
         *(" ".join(f"{value:.17g}" for value in vertex) for vertex in vertices),
         f"CELLS {len(cells)} {5 * len(cells)}", *(" ".join(map(str, (4, *cell))) for cell in cells),
         f"CELL_TYPES {len(cells)}", *(["10"] * len(cells)), ""))
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(contents=text, extension=".vtk", filename_hint="pad.vtk")))
+    file = MemoryFile(contents=text, extension=".vtk", filename_hint="pad.vtk")
+    return geometry.Mesh(geometry.InMemoryMesh(mesh_file=file))
 
 
 def add_ground_geometry(
     plant: MultibodyPlant, ground: Ground | None = None, *, foot: FootParameters | None = None,
     contact: str = "drake_point"
 ) -> None:
-    """Makes the patches of `ground` collision geometry of the world, for DRAKE_CONTACTS, before Finalize.
-
-    Each patch is a rigid box of GROUND_THICKNESS_M below its plane, so Drake adds up the forces where a foot touches
-    two of them: at a seam, and over a lower patch that a foot reaches through the upper one.
+    """Makes the patches of `ground` collision geometry of the world, for DRAKE_CONTACTS, before Finalize: each a rigid
+    box of GROUND_THICKNESS_M below its plane, so Drake adds up the forces where a foot touches two of them.
 
     Args:
         ground: by default the plane z = 0.
         foot: of the feet that will stand on it, by default the nominal one, for its friction. A patch with
             coefficients of its own gets what together with the foot's gives them, as Drake takes the harmonic mean.
-        contact: of the feet. Say "hydroelastic" where one of them has it: pads do not feel a patch's stiffness, which
-            is refused then.
+        contact: of the feet; "hydroelastic" where one of them has it: pads feel no patch's stiffness, which is refused.
     """
     ground, foot = check_ground(ground or Ground()), foot or FootParameters()
     check_scene_graph(plant, contact)
@@ -183,10 +163,10 @@ def add_ground_geometry(
     for i, patch in enumerate(ground.patches):
         require(patch.stiffness_n_per_m is None or contact != "hydroelastic", "hydroelastic pads take the ground for "
                 "rigid", f"patches[{i}].stiffness_n_per_m", "Leave it out, or take contact drake_point")
-        properties = ProximityProperties()
-        AddRigidHydroelasticProperties(1.0, properties)
+        properties = geometry.ProximityProperties()
+        geometry.AddRigidHydroelasticProperties(1.0, properties)
         friction = _ground_friction(arrays["mu_static"][i], arrays["mu_kinetic"][i], foot.friction, i)
-        AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, friction, properties)
+        geometry.AddContactMaterial(0.0, patch.stiffness_n_per_m or RIGID_N_PER_M, friction, properties)
         name = f"ground_{i}"  # whatever its patch is called, so that a second ground is told
         try:
             plant.RegisterCollisionGeometry(plant.world_body(), *box_under(patch, GROUND_THICKNESS_M), name, properties)
@@ -206,7 +186,7 @@ def _ground_friction(static: float, kinetic: float, foot: FrictionParameters, ro
     return CoulombFriction(max(ground), ground[1])
 
 
-def box_under(patch: GroundPatch, thickness_m: float) -> tuple[RigidTransform, Box]:
+def box_under(patch: GroundPatch, thickness_m: float) -> tuple[RigidTransform, geometry.Box]:
     """Pose in W and shape of the box whose top is the patch; exact bounds where it slopes one way only."""
     slope, bank = np.tan(np.radians([patch.slope_deg, patch.bank_deg]))
     x, y = 0.5 * (patch.from_x_m + patch.to_x_m), 0.5 * (patch.from_y_m + patch.to_y_m)
@@ -216,7 +196,7 @@ def box_under(patch: GroundPatch, thickness_m: float) -> tuple[RigidTransform, B
     R_WG = RotationMatrix(np.column_stack((along, np.cross(normal, along), normal)))
     length, width = patch.to_x_m - patch.from_x_m, patch.to_y_m - patch.from_y_m
     size = (length * np.hypot(1.0, slope), width * np.hypot(1.0, bank))
-    return RigidTransform(R_WG, top - 0.5 * thickness_m * normal), Box(*size, thickness_m)
+    return RigidTransform(R_WG, top - 0.5 * thickness_m * normal), geometry.Box(*size, thickness_m)
 
 
 def _check_apart(patches: Sequence[GroundPatch]) -> None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from pydrake.geometry import GeometryId, GeometryProperties, Role, SceneGraph, SceneGraphInspector, Shape, Sphere
-from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.geometry import GeometryId, Role, SceneGraph, Sphere
+from pydrake.math import RollPitchYaw
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from vsf_drake.errors import InputError
@@ -86,46 +86,13 @@ def _text(values: npt.ArrayLike) -> str:
     return " ".join("0" if abs(value) < 1e-15 else f"{float(value):.12g}" for value in np.atleast_1d(values))
 
 
-# The rigid parts, springs, drawings and contact spheres of the foot that `add_foot` builds, as numbers to be written.
-#
-# All of it is read from a plant of that foot, so that an exported file says what the plant says. With all coordinates
-# zero every link's frame is parallel to the keel frame K, which is the frame of the first link.
+# All of it is read from a plant of the foot that `add_foot` builds, so that an exported file says what the plant says.
+# With all coordinates zero every link's frame is parallel to the keel frame K, which is the frame of the first link.
 
 
-class Drawing(NamedTuple):
-    """A shape to be seen: its pose in the link's frame, and red, green, blue, opacity."""
-
-    name: str
-    shape: Shape
-    X_BG: RigidTransform
-    colour: np.ndarray
-
-
-class Pad(NamedTuple):
-    """A contact sphere about p_BS (3,) m, with N/m, s/m and coefficients for Drake's point contact."""
-
-    name: str
-    p_BS: np.ndarray
-    radius: float
-    stiffness: float
-    dissipation: float
-    friction: CoulombFriction
-
-
-class ExportedLink(NamedTuple):
-    """A rigid body."""
-
-    name: str
-    mass: float
-    p_BBcm: np.ndarray  # (3,) m, its centre of mass
-    moments: np.ndarray  # (3, 3) kg m^2 about that, in its own frame
-    p_KB: np.ndarray  # (3,) m, its place with all coordinates zero
-    drawings: tuple[Drawing, ...]
-    pads: tuple[Pad, ...]
-
-
-def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[ExportedLink]]:
-    """The foot of `parameters` in a plant of its own, and its links: frame, keel from A to the toe, carriage."""
+def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[dict[str, Any]]]:
+    """The foot of `parameters` in a plant of its own, and its links as the templates take them: frame, keel from A to
+    the toe, carriage."""
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     foot = add_foot(plant, plant.world_frame(), parameters, name=NAME)
@@ -138,33 +105,29 @@ def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[ExportedLi
     return foot, [_link(plant, inspector, body, start) for body, start in zip(bodies, starts, strict=True)]
 
 
-def _link(plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody, start: float) -> ExportedLink:
+def _link(plant: MultibodyPlant, inspector: Any, body: RigidBody, start: float) -> dict[str, Any]:
     inertia = body.default_spatial_inertia()
     centre = inertia.get_com()
-    drawings = tuple(Drawing(
-        name=inspector.GetName(i).split("::")[-1], shape=inspector.GetShape(i), X_BG=inspector.GetPoseInFrame(i),
-        colour=_properties(inspector.GetIllustrationProperties(i)).GetProperty("phong", "diffuse").rgba)
-        for i in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(body.index()), Role.kIllustration))
-    return ExportedLink(
-        name=body.name(), mass=inertia.get_mass(), p_BBcm=centre,
-        moments=inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3(), p_KB=np.array([start, 0.0, 0.0]),
-        drawings=drawings, pads=tuple(pad_of(inspector, i) for i in plant.GetCollisionGeometriesForBody(body)))
+    drawings = [{
+        "name": inspector.GetName(i).split("::")[-1], "shape": inspector.GetShape(i),
+        "X_BG": inspector.GetPoseInFrame(i),
+        "colour": inspector.GetIllustrationProperties(i).GetProperty("phong", "diffuse").rgba}
+        for i in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(body.index()), Role.kIllustration)]
+    return {"name": body.name(), "mass": inertia.get_mass(), "p_BBcm": centre, "p_KB": np.array([start, 0.0, 0.0]),
+            "moments": inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3(), "drawings": drawings,
+            "pads": dict(pad_of(inspector, shape) for shape in plant.GetCollisionGeometriesForBody(body))}
 
 
-def _properties(properties: GeometryProperties | None) -> Any:
-    """What has values of any type by their names."""
-    return properties
-
-
-def pad_of(inspector: SceneGraphInspector, shape: GeometryId) -> Pad:
-    """What `inspector` knows of a collision sphere."""
-    properties, sphere = _properties(inspector.GetProximityProperties(shape)), inspector.GetShape(shape)
+def pad_of(inspector: Any, shape: GeometryId) -> tuple[str, dict[str, float]]:
+    """Name of a collision sphere, and its place in its body's frame, size and point contact."""
+    properties, sphere = inspector.GetProximityProperties(shape), inspector.GetShape(shape)
     if not isinstance(sphere, Sphere):
         raise InputError(f"is a {type(sphere).__name__}, but must be a sphere", where=inspector.GetName(shape),
                          right="Export the foot again")
-    return Pad(
-        name=inspector.GetName(shape).split("::")[-1], p_BS=inspector.GetPoseInFrame(shape).translation(),
-        radius=sphere.radius(),
-        stiffness=properties.GetProperty("material", "point_contact_stiffness"),
-        dissipation=properties.GetProperty("material", "hunt_crossley_dissipation"),
-        friction=properties.GetProperty("material", "coulomb_friction"))
+    x, y, z = inspector.GetPoseInFrame(shape).translation()
+    friction = properties.GetProperty("material", "coulomb_friction")
+    return inspector.GetName(shape).split("::")[-1], {
+        "x (m)": x, "y (m)": y, "z (m)": z, "radius (m)": sphere.radius(),
+        "stiffness (N/m)": properties.GetProperty("material", "point_contact_stiffness"),
+        "dissipation (s/m)": properties.GetProperty("material", "hunt_crossley_dissipation"),
+        "static friction": friction.static_friction(), "kinetic friction": friction.dynamic_friction()}

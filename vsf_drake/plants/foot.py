@@ -11,9 +11,8 @@
 
 The body frame F of the foot's rigid frame is the keel frame K: origin at the keel's posterior end A on the undeformed
 centreline, x along it to the toe, y left, z up. The keel turns freely about A and about sprung joints in the middle of
-its elements (rigid half, joint, rigid half); neighbouring halves of two elements are welded, so N elements make 2 N
-rigid pieces in N + 1 bodies. Positive keel coordinates lift the toe. Nothing here exerts a force, `systems` do, but in
-a plant with a time step: see the second half.
+its elements (rigid half, joint, rigid half); neighbouring halves of two elements are welded, so N elements make N + 1
+bodies. Positive keel coordinates lift the toe. Only in a plant with a time step does anything here exert a force.
 """
 
 from __future__ import annotations
@@ -22,18 +21,8 @@ from dataclasses import replace
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody import tree
 from pydrake.multibody.plant import DistanceConstraintParams, MultibodyPlant
-from pydrake.multibody.tree import (
-    FixedOffsetFrame,
-    Frame,
-    ModelInstanceIndex,
-    MultibodyConstraintId,
-    PdControllerGains,
-    PrismaticJoint,
-    RevoluteJoint,
-    RigidBody,
-    WeldJoint,
-)
 from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError, require
@@ -85,15 +74,14 @@ def set_mount(
 
 
 def mirrored(parameters: FootParameters) -> FootParameters:
-    """The same foot for the other side: contact spheres mirrored in its x-z plane, `side` exchanged."""
+    """The foot for the other side: contact spheres mirrored in its x-z plane, `side` exchanged."""
     zones = tuple(replace(zone, y_mm=tuple(-y for y in zone.y_mm)) for zone in parameters.zones)
     other = {"left": "right", "right": "left"}.get(parameters.side, parameters.side)
     return replace(parameters, zones=zones, side=other)
 
 
 def with_elements(foot: FootParameters, elements: int) -> FootParameters:
-    """`foot` with each keel element cut into equal parts, `elements` in all. The beam stays the same: E I and damping
-    time belong to the material, a part's joint is stiffer as it is shorter."""
+    """`foot` with each keel element cut into equal parts, `elements` in all; the beam stays the same."""
     lengths = foot.keel.element_lengths_m
     parts, rest = divmod(elements, len(lengths))
     require(not rest and parts, f"{elements} elements cannot be had by cutting {len(lengths)} into equal parts",
@@ -103,26 +91,23 @@ def with_elements(foot: FootParameters, elements: int) -> FootParameters:
 
 
 def add_foot(
-    plant: MultibodyPlant, parent_frame: Frame, parameters: FootParameters, *, name: str = "vsf",
+    plant: MultibodyPlant, parent_frame: tree.Frame, parameters: FootParameters, *, name: str = "vsf",
     side: str | None = None, contact: str = "kelvin_voigt", fulcrum_m: float | None = None
 ) -> FootHandles:
     """Adds the foot, its mount welded to `parent_frame` (z up along the pylon, x to the toe).
 
-    The plant may hold anything else, however it was made, and several feet. After `plant.Finalize()`, `wire_foot`
-    gives the foot its forces. Masses: the keel by its volume and density, the carriage as given, the rest of
-    `mass_kg` in the rigid frame.
+    After `plant.Finalize()`, `wire_foot` gives the foot its forces. Masses: the keel by its volume and density, the
+    carriage as given, the rest of `mass_kg` in the rigid frame. In a plant with a time step, springs, carriage and
+    support are actuators and a constraint (see below), which the plant's actuation port counts too: connect your
+    controller to that of your own model instance.
 
     Args:
         name: of the foot's model instance, in which its joints' names are unique.
-        side: "left" or "right"; nothing but a check that `parameters` are not for the other one. The nominal foot is
-            symmetric about its x-z plane and serves both.
+        side: "left" or "right"; nothing but a check that `parameters` are not for the other one.
         contact: one of CONTACTS. "drake_point" and "hydroelastic" need a plant with a SceneGraph, and geometry on the
             ground (`add_ground_geometry`).
         fulcrum_m: fulcrum position (m from A) where no other is commanded; by default FULCRUM_M, or where the carriage
             comes closest to it.
-
-    In a plant with a time step, springs, carriage and support are actuators and a constraint (see below). The
-    plant's actuation port counts these too: connect your controller to that of your own model instance.
     """
     _check_place(plant, parent_frame, name)
     side = checked_side(parameters, side)
@@ -139,12 +124,12 @@ def add_foot(
     rear, width, height = reach[0], beam.width_m, parameters.build_height_m + sole_height(parameters)
     inertia = box(frame_mass, (1.5 * rear, width, height), (0.75 * rear, 0.0, 0.5 * height))
     frame = plant.AddRigidBody(f"{name}_frame", instance, inertia)
-    mount = plant.AddFrame(FixedOffsetFrame(f"{name}_mount", frame.body_frame(), mount_pose(parameters), instance))
-    plant.AddJoint(WeldJoint(f"{name}_mount_weld", parent_frame, mount, RigidTransform()))
+    mount = plant.AddFrame(tree.FixedOffsetFrame(f"{name}_mount", frame.body_frame(), mount_pose(parameters), instance))
+    plant.AddJoint(tree.WeldJoint(f"{name}_mount_weld", parent_frame, mount, RigidTransform()))
     keel, starts, joint_names = _add_keel(plant, instance, frame, beam)
     carriage = plant.AddRigidBody(
         f"{name}_carriage", instance, box(carriage_mass, (0.02, width, 0.02), (0.0, 0.0, 0.02)))
-    plant.AddJoint(PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD, *reach))
+    plant.AddJoint(tree.PrismaticJoint("fulcrum", frame.body_frame(), carriage.body_frame(), FORWARD, *reach))
     stiffness = np.concatenate(([0.0], keel_joint_stiffness(beam)))
     foot = FootHandles(
         parameters=parameters, name=name, contact=contact, side=side, instance=instance, frame=frame, mount=mount,
@@ -156,9 +141,10 @@ def add_foot(
     return with_implicit_device(plant, foot) if plant.time_step() > 0.0 else foot
 
 
-def _check_place(plant: MultibodyPlant, parent_frame: Frame, name: str) -> None:
+def _check_place(plant: MultibodyPlant, parent_frame: tree.Frame, name: str) -> None:
     check_type(plant, MultibodyPlant, "plant", "Give the MultibodyPlant itself, not a builder or a diagram")
-    check_type(parent_frame, Frame, "parent_frame", "Give a Frame: plant.GetFrameByName(name), or body.body_frame()")
+    check_type(parent_frame, tree.Frame, "parent_frame",
+               "Give a Frame: plant.GetFrameByName(name), or body.body_frame()")
     require(isinstance(name, str) and name, f"{name!r} is no name", "name", "Give a text that is not empty")
     require(not plant.is_finalized(), "is finalised, so nothing can be added to it", "plant",
             "Call add_foot before plant.Finalize()")
@@ -173,7 +159,7 @@ def _check_place(plant: MultibodyPlant, parent_frame: Frame, name: str) -> None:
 
 
 def checked_side(parameters: FootParameters, side: str | None) -> str:
-    """The foot's side, "either" where nobody said; raises InputError for parameters of the other one."""
+    """The foot's side, "either" where nobody said; InputError for parameters of the other one."""
     check_type(parameters, FootParameters, "parameters", "Give FootParameters, such as load_model(path).foot")
     require(side in (None, *SIDES), f"{side!r} is no side", "side", f"It is one of {', '.join(SIDES)}, or None")
     require(side is None or parameters.side in ("either", side), f"the parameters are for the {parameters.side} side",
@@ -182,28 +168,30 @@ def checked_side(parameters: FootParameters, side: str | None) -> str:
 
 
 def _add_keel(
-    plant: MultibodyPlant, instance: ModelInstanceIndex, frame: RigidBody, keel: KeelParameters
-) -> tuple[list[RigidBody], np.ndarray, tuple[str, ...]]:
+    plant: MultibodyPlant, instance: tree.ModelInstanceIndex, frame: tree.RigidBody, keel: KeelParameters
+) -> tuple[list[tree.RigidBody], np.ndarray, tuple[str, ...]]:
     starts = np.concatenate(([0.0], keel_joint_positions(keel)))
     ends = np.append(starts[1:], sum(keel.element_lengths_m))
     names = ("keel_pin", *(f"keel_{i}" for i in range(1, len(starts))))
-    bodies: list[RigidBody] = []
-    parent: RigidBody = frame
+    bodies: list[tree.RigidBody] = []
+    parent: tree.RigidBody = frame
     for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
         length = end - start
         size = (length, keel.width_m, keel.thickness_m)
         inertia = box(keel.density_kg_m3 * float(np.prod(size)), size, (0.5 * length, 0.0, 0.0))
         body = plant.AddRigidBody(f"keel_body_{i}", instance, inertia)
         offset = RigidTransform(np.array([start - (starts[i - 1] if i else 0.0), 0.0, 0.0]))
-        joint_frame = plant.AddFrame(FixedOffsetFrame(f"{names[i]}_frame", parent.body_frame(), offset, instance))
-        plant.AddJoint(RevoluteJoint(names[i], joint_frame, body.body_frame(), RIGHTWARD))
+        joint_frame = plant.AddFrame(tree.FixedOffsetFrame(f"{names[i]}_frame", parent.body_frame(), offset, instance))
+        plant.AddJoint(tree.RevoluteJoint(names[i], joint_frame, body.body_frame(), RIGHTWARD))
         bodies.append(body)
         parent = body
     return bodies, starts, names
 
 
-def _foot_sites(foot: FootParameters, frame: RigidBody, keel: list[RigidBody], starts: np.ndarray) -> ContactSites:
-    """Spheres behind the rearmost fulcrum sit on the rigid frame (the heel block), the others on the keel."""
+def _foot_sites(
+    foot: FootParameters, frame: tree.RigidBody, keel: list[tree.RigidBody], starts: np.ndarray
+) -> ContactSites:
+    """Spheres behind the rearmost fulcrum are on the rigid frame (the heel block), the others on the keel."""
     indices, points = [], []
     for zone in foot.zones:
         for x_mm, y_mm, rise_mm in zip(zone.x_mm, zone.y_mm, zone.rise_mm, strict=True):
@@ -215,11 +203,9 @@ def _foot_sites(foot: FootParameters, frame: RigidBody, keel: list[RigidBody], s
     return zone_sites(foot.zones, indices, np.array(points))
 
 
-# The foot in a plant with a time step: springs and support where the step's own solver takes them implicitly.
-#
-# A discrete MultibodyPlant takes forces on its ports, and the springs of its joints, as they are at the start of a
-# step. Keel pieces of some 10 g on 10^2 to 10^3 N m/rad do not survive that. Implicit are PD-controlled actuators and
-# constraints, so
+# The foot in a plant with a time step, which takes forces on its ports, and the springs of its joints, as they are at
+# the start of a step. Keel pieces of some 10 g on 10^2 to 10^3 N m/rad do not survive that. Implicit are PD-controlled
+# actuators and constraints, so
 #
 #     keel springs       PD actuators that want the keel straight, gains the joints' stiffness and damping
 #     carriage           PD actuator that wants the fulcrum position
@@ -227,8 +213,8 @@ def _foot_sites(foot: FootParameters, frame: RigidBody, keel: list[RigidBody], s
 #                        the fulcrum, with the support's stiffness and damping
 #
 # The rod's far end is on the frame above the fulcrum. Its direction differs from z_K by the keel's sideways travel
-# there over ROD_M, so as a support it is exact to 1e-5. Its place belongs to the plant's Context, not to a port:
-# `place_fulcrum` moves it, and `foot_wiring.follow_fulcrum` does so in every step of a Simulator.
+# there over ROD_M, so as a support it is exact to 1e-5. Its place is in the plant's Context: `place_fulcrum` moves it,
+# and `foot_wiring.follow_fulcrum` does so in every step of a Simulator.
 
 
 ROD_M = 10.0
@@ -285,7 +271,7 @@ def with_implicit_device(plant: MultibodyPlant, foot: FootHandles) -> FootHandle
             *zip(foot.keel_joint_names, foot.joint_stiffness, foot.joint_damping, strict=True), hold):
         if stiffness > 0.0:
             actuator = plant.AddJointActuator(f"{foot.name}_{name}", plant.GetJointByName(name, foot.instance))
-            actuator.set_controller_gains(PdControllerGains(p=stiffness, d=damping))
+            actuator.set_controller_gains(tree.PdControllerGains(p=stiffness, d=damping))
     foot.carriage_joint(plant).set_default_translation(foot.fulcrum_m)
     rod = _rod(foot, foot.fulcrum_m)
     try:
@@ -306,8 +292,8 @@ def place_fulcrum(plant: MultibodyPlant, plant_context: Context, foot: FootHandl
     plant.SetDistanceConstraintParams(plant_context, support, rod)
 
 
-def support_of(foot: FootHandles) -> MultibodyConstraintId:
-    """The constraint that is the support of `foot`; raises InputError for a foot in a continuous plant."""
+def support_of(foot: FootHandles) -> tree.MultibodyConstraintId:
+    """The constraint that is the support of `foot`; InputError for a foot in a continuous plant."""
     if foot.support is None:
         raise InputError(f"the foot {foot.name!r} is in a continuous plant", where="foot",
                          right="There the support follows its port by itself: leave this call out")

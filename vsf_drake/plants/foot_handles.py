@@ -5,15 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.multibody import tree
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import (
-    BodyIndex,
-    FixedOffsetFrame,
-    ModelInstanceIndex,
-    MultibodyConstraintId,
-    PrismaticJoint,
-    RigidBody,
-)
 from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError, require
@@ -25,9 +18,9 @@ FULCRUM_M = 0.108
 
 @dataclass(frozen=True)
 class ContactSites:
-    """The contact spheres of one foot, one row each (N spheres); arrays (N,) in SI units."""
+    """The N contact spheres of one foot; arrays (N,) in SI units."""
 
-    body_indices: list[BodyIndex]
+    body_indices: list[tree.BodyIndex]
     p_BS: np.ndarray  # (N, 3) m, centres in the frames of those bodies
     radius: np.ndarray
     stiffness: np.ndarray
@@ -44,7 +37,7 @@ class ContactSites:
         return {name: getattr(self, name) for name in names}
 
 
-def zone_sites(zones: tuple[ContactZone, ...], body_indices: list[BodyIndex], p_BS: np.ndarray) -> ContactSites:
+def zone_sites(zones: tuple[ContactZone, ...], body_indices: list[tree.BodyIndex], p_BS: np.ndarray) -> ContactSites:
     """Sites of `zones` in their order, with every zone's law repeated for each of its spheres."""
     count = [len(zone.x_mm) for zone in zones]
     fields = {"radius": "radius_m", "stiffness": "stiffness", "exponent": "exponent", "damping": "damping_n_s_per_m",
@@ -63,10 +56,10 @@ class FootHandles:
     name: str  # of the model instance, and before the names of the systems that `wire_foot` adds
     contact: str  # one of `foot.CONTACTS`
     side: str  # "left", "right", or "either" where nobody said
-    instance: ModelInstanceIndex  # in which the foot's joint names are unique
-    frame: RigidBody  # the rigid frame; its body frame is K
-    mount: FixedOffsetFrame  # M on `frame`, where the pylon attaches; its pose can be changed in a Context
-    keel: list[RigidBody]  # from A to the toe, their frames at their joints, x along the keel
+    instance: tree.ModelInstanceIndex  # in which the foot's joint names are unique
+    frame: tree.RigidBody  # the rigid frame; its body frame is K
+    mount: tree.FixedOffsetFrame  # M on `frame`, where the pylon attaches; its pose can be changed in a Context
+    keel: list[tree.RigidBody]  # from A to the toe, their frames at their joints, x along the keel
     keel_starts: np.ndarray  # (len(keel),) distance (m) of each body's frame from A
     keel_joint_names: tuple[str, ...]  # the pin at A, then the sprung joints
     joint_stiffness: np.ndarray  # (len(keel),) N m/rad, zero for the pin
@@ -74,21 +67,21 @@ class FootHandles:
     carriage_joint_name: str  # slide of the fulcrum's carriage, coordinate = distance from A (m)
     sites: ContactSites
     fulcrum_m: float = FULCRUM_M  # fulcrum position (m from A) where no other is commanded
-    support: MultibodyConstraintId | None = None  # the fulcrum's support, in a plant with a time step
+    support: tree.MultibodyConstraintId | None = None  # the fulcrum's support, in a plant with a time step
 
     def keel_body_at(self, x: float) -> int:
         """Index into `keel` of the body that carries the point `x` (m from A)."""
         return int(np.clip(np.searchsorted(self.keel_starts, x, side="right") - 1, 0, len(self.keel) - 1))
 
-    def carriage_joint(self, plant: MultibodyPlant) -> PrismaticJoint:
+    def carriage_joint(self, plant: MultibodyPlant) -> tree.PrismaticJoint:
         """The slide of the fulcrum's carriage in the foot's `plant`."""
         joint = plant.GetJointByName(self.carriage_joint_name, self.instance)
-        assert isinstance(joint, PrismaticJoint)
+        assert isinstance(joint, tree.PrismaticJoint)
         return joint
 
 
 def check_type(value: object, kind: type, where: str, right: str) -> None:
-    """Raises InputError unless `value` is a `kind`."""
+    """Raises InputError unless it is."""
     require(isinstance(value, kind), f"is a {type(value).__name__}, but must be a {kind.__name__}", where, right)
 
 

@@ -14,17 +14,10 @@ from vsf_drake.errors import require
 from vsf_drake.ground import Ground, check_ground, ground_arrays
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import ActuatorParameters, FrictionParameters
+from vsf_drake.plants import wiring
 from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS, dissipation, own_geometry, part_own_geometry
 from vsf_drake.plants.foot import grip_limit, place_fulcrum, support_of
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, check_type
-from vsf_drake.plants.wiring import (
-    SERVO_FREQUENCY,
-    add_forces,
-    check_open,
-    check_port,
-    check_shareable,
-    connect_kinematics,
-)
 from vsf_drake.systems.contact import DrakeReaction
 from vsf_drake.systems.foot_forces import CONTACT_LAWS, DEVICE, FORCES, Constant, FootForces
 from vsf_drake.systems.fulcrum import FulcrumActuator, FulcrumCommand
@@ -56,20 +49,8 @@ class WiredFoot:
         with a time step it moves the carriage; the support follows by `follow_fulcrum`."""
         return (self.command or self.forces).GetInputPort("fulcrum_position")
 
-    def connect_fulcrum(self, builder: DiagramBuilder, port: OutputPort) -> None:
-        """Feeds the fulcrum position (1,) m from A out of `port`; it must have no source yet."""
-        check_port(builder, port, 1, "A fulcrum position is one number, m from the keel's posterior end A")
-        require(not builder.IsConnectedOrExported(self.fulcrum_position), "is connected or exported already",
-                f"fulcrum_position of {self.foot.name!r}",
-                "Connect it once; what chooses between two sources is a system before it")
-        builder.Connect(port, self.fulcrum_position)
-
     def GetOutputPort(self, name: str) -> OutputPort:
-        """An output of the foot by its name, see `FootForces`.
-
-        Which system it belongs to depends on contact and time step: export it, or evaluate it with
-        `port.Eval(port.get_system().GetMyContextFromRoot(root_context))`.
-        """
+        """An output of the foot by its name, see `FootForces`; its system depends on contact and time step."""
         return _output(self.outputs(), name, self.forces.get_name())
 
     def outputs(self) -> dict[str, OutputPort]:
@@ -94,10 +75,10 @@ def wire_foot(
 ) -> WiredFoot:
     """Connects what acts on `foot`: contact, friction, fulcrum support, keel springs, the carriage's servo.
 
-    Adds the system `FootForces` under the name `<foot>_forces`. The plant's force ports are shared with whatever else
-    uses them (`share_spatial_forces`, `share_generalized_forces`). No port is exported. With contact of Drake's own
-    `DrakeReaction` is added beside it as `<foot>_reaction`, and in a plant with a time step `FulcrumCommand` as
-    `<foot>_command`, see `plants.foot`.
+    Adds `FootForces` as `<foot>_forces`; with contact of Drake's own `DrakeReaction` as `<foot>_reaction`, and in a
+    plant with a time step `FulcrumCommand` as `<foot>_command`, see `plants.foot`. The plant's force ports are shared
+    with whatever else uses them (`share_spatial_forces`, `share_generalized_forces`). No port is exported. After an
+    InputError nothing has been added.
 
     Args:
         plant: finalised, and in `builder`.
@@ -105,13 +86,11 @@ def wire_foot(
         fulcrum_m: position (m from A) where no `fulcrum_position` is connected; by default that given to `add_foot`.
         own_ground: the foot has a contact of Drake's own, and what it meets is your affair: a body that moves, or
             nothing. Otherwise geometry that is fixed to the world must be there for it to stand on.
-
-    After an InputError nothing has been added.
     """
-    check_open(builder)
+    wiring.check_open(builder)
     check_type(plant, MultibodyPlant, "plant", "Call wire_foot(builder, plant, foot)")
     check_type(foot, FootHandles, "foot", "Give what add_foot or find_foot returned")
-    check_shareable(builder, plant)
+    wiring.check_shareable(builder, plant)
     require(plant.HasModelInstanceNamed(foot.name) and plant.get_body(foot.frame.index()) is foot.frame,
             f"the foot {foot.name!r} is part of another plant", "foot",
             "Wire it in the diagram of the plant that it was added to")
@@ -154,14 +133,11 @@ def add_rigid_foot(
     builder: DiagramBuilder, plant: MultibodyPlant, sites: ContactSites, friction: FrictionParameters, ground: Ground,
     *, name: str
 ) -> FootForces:
-    """Adds contact and friction of spheres on one rigid body, on `ground`, and applies them to `plant`.
-
-    It is a `FootForces` whose keel has no stiffness, no support and no spheres, so that it exerts nothing there.
-    """
+    """Adds contact and friction of spheres on one rigid body: a `FootForces` whose keel exerts nothing."""
     bodies = {int(index) for index in sites.body_indices}
     if len(bodies) != 1:
         raise ValueError(f"the sites are on {len(bodies)} bodies, but must be on one")
-    return add_forces(builder, plant, name, FootForces(
+    return wiring.add_forces(builder, plant, name, FootForces(
         num_positions=plant.num_positions(), num_velocities=plant.num_velocities(), position_indices=[0, 0],
         velocity_indices=[0, 0], frame_body_index=sites.body_indices[0], keel_starts=np.zeros(1),
         site_keel=[-1] * len(sites.body_indices), law="kelvin_voigt",
@@ -184,16 +160,15 @@ def _add_forces(
     if foot.support is None:  # else the servo would pull the carriage from A to the fulcrum in the first millisecond
         foot.carriage_joint(plant).set_default_translation(float(constants["fulcrum_m"]))
     if acts:
-        return add_forces(builder, plant, f"{foot.name}_{name}", forces)
+        return wiring.add_forces(builder, plant, f"{foot.name}_{name}", forces)
     builder.AddNamedSystem(f"{foot.name}_{name}", forces)
-    connect_kinematics(builder, plant, forces)
+    wiring.connect_kinematics(builder, plant, forces)
     return forces
 
 
 def _check_suits(
     plant: MultibodyPlant, foot: FootHandles, ground: Ground | None, fulcrum_m: float, own_ground: bool
 ) -> None:
-    """Raises InputError unless time step, ground and position go with the foot's contact and support."""
     require(plant.time_step() == 0.0 or foot.support is not None,
             f"has a time step, and the foot {foot.name!r} no springs and support that are implicit in it", "plant",
             "Add the foot with add_foot, or take a continuous plant")
@@ -220,8 +195,8 @@ def _device_constants(foot: FootHandles, fulcrum_m: float) -> dict[str, Constant
         "joint_stiffness": foot.joint_stiffness, "joint_damping": foot.joint_damping, "fulcrum_m": fulcrum_m,
         "fulcrum_stiffness": fulcrum.stiffness_n_per_m,
         "fulcrum_damping": fulcrum.stiffness_n_per_m * fulcrum.damping_time_s,
-        "carriage_gain": SERVO_FREQUENCY**2 * fulcrum.carriage_mass_kg,
-        "carriage_rate_gain": 2 * SERVO_FREQUENCY * fulcrum.carriage_mass_kg,
+        "carriage_gain": wiring.SERVO_FREQUENCY**2 * fulcrum.carriage_mass_kg,
+        "carriage_rate_gain": 2 * wiring.SERVO_FREQUENCY * fulcrum.carriage_mass_kg,
     }
 
 
@@ -235,12 +210,9 @@ def _contact_constants(sites: ContactSites, friction: FrictionParameters, ground
 
 
 def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot) -> None:
-    """Makes the supports of `feet`, in a plant with a time step, follow their fulcrum positions: sets the simulator's
-    monitor.
-
-    A support has its place in the Context there, so somebody must move it between steps. A monitor of your own goes on
-    working if it is set before this: it is called first, and what it returns counts.
-    """
+    """Makes the supports of `feet`, in a plant with a time step, follow their fulcrum positions by the simulator's
+    monitor. A monitor of your own goes on working if it is set before this: it is called first, and what it returns
+    counts."""
     for wired in feet:
         check_type(wired, WiredFoot, "feet", "Give what wire_foot returned")
     supports = [(wired.foot, support_of(wired.foot), wired.command) for wired in feet]
@@ -260,7 +232,7 @@ def follow_fulcrum(simulator: Simulator, plant: MultibodyPlant, *feet: WiredFoot
     monitor(simulator.get_mutable_context())
 
 
-# A wired foot gets a motor: actuator, swing-phase controller and recorder in one call.
+# A wired foot gets a motor.
 #
 #     desired_position --> SwingController --commanded, enabled--> FulcrumActuator --fulcrum_position--> FootForces
 #                           ^ grf and/or shank_angle                 ^ support_force                        |
@@ -288,10 +260,8 @@ class FulcrumDrive:
         return _output(_outputs(self.actuator, self.controller, self.recorder, self.shank), name, "fulcrum drive")
 
     def SetPosition(self, root_context: Context, position: float) -> None:
-        """Puts screw and command at `position` (m from A), resting, in the `root_context` of the whole diagram.
-
-        Give the plant's carriage joint the same position: it is left where it is, and its servo would pull it there.
-        """
+        """Puts screw and command at `position` (m from A), resting, in the `root_context` of the whole diagram; give
+        the plant's carriage joint the same, or its servo pulls it there."""
         self.actuator.SetPosition(self.actuator.GetMyMutableContextFromRoot(root_context), position)
         discrete = self.controller.GetMyMutableContextFromRoot(root_context).get_mutable_discrete_state_vector()
         discrete[2] = position
@@ -305,25 +275,22 @@ def add_fulcrum_drive(
     """Lets a motor move the fulcrum of a `wire_foot` foot, in swing only; connect `desired_position` yourself.
 
     Adds `<foot>_actuator`, `<foot>_swing_controller`, `<foot>_adjustments` and, where the signal needs it,
-    `<foot>_shank`. Travel and mass of the carriage are those of the foot's parameters. In a plant with a time step the
-    support follows the carriage only while `follow_fulcrum` is at work.
+    `<foot>_shank`. In a plant with a time step the support follows the carriage only with `follow_fulcrum`.
 
     Args:
         signal: what tells of swing, see `SwingController`: "contact", "shank" or "both".
-        shank: body that bears the inertial sensor (x forward, z up along the shank); by default the foot's frame,
-            which has no ankle and turns with the shank.
+        shank: body that bears the inertial sensor (x forward, z up along the shank); by default the foot's frame.
         grf: (3,) N on the foot, z_W up; by default that of the foot's own contact.
-        initial_m: where the screw's carriage starts (m from A); by default where the plant's carriage joint does. Give
-            that joint the same position.
+        initial_m: where the screw's carriage starts (m from A); by default where the plant's carriage joint does.
         period_s: sampling period of controller and recorder (the default is a choice).
     """
     check_type(wired, WiredFoot, "wired", "Give what wire_foot returned")
-    check_port(builder, wired.GetOutputPort("support_force"))
+    wiring.check_port(builder, wired.GetOutputPort("support_force"))
     foot, body = wired.foot, shank or wired.foot.frame
     check_type(body, RigidBody, "shank", "Give a body: plant.GetBodyByName(name)")
     check_type(parameters or ActuatorParameters(), ActuatorParameters, "parameters", "Give the motor's")
     grf = grf or wired.GetOutputPort("grf")
-    check_port(builder, grf, 3, "The ground reaction force is one vector of 3, N, z_W up")
+    wiring.check_port(builder, grf, 3, "The ground reaction force is one vector of 3, N, z_W up")
     require(not builder.IsConnectedOrExported(wired.fulcrum_position), "is connected or exported already",
             f"{foot.name}'s fulcrum_position",
             "A fulcrum has one master: leave the port free, and give the drive a desired position")
@@ -339,7 +306,7 @@ def add_fulcrum_drive(
     sensor = None
     if signal != "contact":
         sensor = builder.AddNamedSystem(f"{foot.name}_shank", ShankAngle(body_index=body.index()))
-        connect_kinematics(builder, plant, sensor)
+        wiring.connect_kinematics(builder, plant, sensor)
         builder.Connect(sensor.get_output_port(), controller.GetInputPort("shank_angle"))
     if signal != "shank":
         builder.Connect(grf, controller.GetInputPort("grf"))

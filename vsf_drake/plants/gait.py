@@ -54,7 +54,7 @@ class GaitDiagram:
     forces: dict[str, FootForces]  # on the feet "prosthetic" and "intact"; contact, keel, ground are in their Contexts
 
     def plant_context(self, context: Context) -> Context:
-        """The plant's part of the diagram's `context`."""
+        """The plant's part of it."""
         return self.plant.GetMyContextFromRoot(context)
 
 

@@ -25,20 +25,10 @@ from vsf_drake.parameters import (
     Subject,
     leg_coordinates,
 )
+from vsf_drake.plants import solids
 from vsf_drake.plants.anthropometry import Body, scale_body
 from vsf_drake.plants.foot import add_foot
 from vsf_drake.plants.foot_handles import ContactSites, FootHandles, zone_sites
-from vsf_drake.plants.solids import (
-    FORWARD,
-    LEFTWARD,
-    RIGHTWARD,
-    UPWARD,
-    add_chain,
-    from_central,
-    frustum,
-    rotations,
-    translations,
-)
 
 SOCKET_COORDINATES = ("socket_tx", "socket_ty", "socket_tz", "socket_flexion", "socket_adduction", "socket_rotation")
 SOCKET_RADIUS_M = 0.055
@@ -72,20 +62,16 @@ class PersonHandles:
 
 
 def add_person(plant: MultibodyPlant, subject: Subject, model: ModelParameters) -> PersonHandles:
-    """Adds the person with the prosthesis on `subject.prosthetic_side`.
-
-    28 degrees of freedom (pelvis 6, hips 3 + 3, knees 3 + 3, intact ankle 3, socket 6, fulcrum carriage 1) and the
-    keel's own on top. Thighs may differ in length, and the foot sits under the pylon as the subject says
-    (`anthropometry.foot_placement`).
-    """
+    """Adds the person with the prosthesis on `subject.prosthetic_side`: 28 degrees of freedom (pelvis 6, hips 3 + 3,
+    knees 3 + 3, intact ankle 3, socket 6, fulcrum carriage 1) and the keel's own on top."""
     body = scale_body(subject, model.foot, model.socket)
     instance, sound = plant.AddModelInstance("person"), "left" if subject.prosthetic_side == "right" else "right"
     # the ellipsoid that has the trunk's radii of gyration about AP, ML and long axis
     moments = body.pelvis_mass * np.square(np.array(body.table.trunk_gyration) * body.trunk_length)
-    pelvis = plant.AddRigidBody("pelvis", instance, from_central(body.pelvis_mass, body.trunk_place, moments))
-    add_chain(plant, instance, plant.world_frame(), np.zeros(3), pelvis, [
-        *translations(PELVIS_COORDINATES[:3], (FORWARD, UPWARD, RIGHTWARD)),
-        *rotations(PELVIS_COORDINATES[3:], mirrored=False)])
+    pelvis = plant.AddRigidBody("pelvis", instance, solids.from_central(body.pelvis_mass, body.trunk_place, moments))
+    solids.add_chain(plant, instance, plant.world_frame(), np.zeros(3), pelvis, [
+        *solids.translations(PELVIS_COORDINATES[:3], (solids.FORWARD, solids.UPWARD, solids.RIGHTWARD)),
+        *solids.rotations(PELVIS_COORDINATES[3:], mirrored=False)])
     names, segments = list(PELVIS_COORDINATES), {"pelvis": pelvis}
     for side in ("right", "left"):
         segments |= _add_leg(plant, instance, body, pelvis, side, intact=side == sound)
@@ -108,14 +94,15 @@ def _add_leg(
 ) -> dict[str, RigidBody]:
     """Thigh and shank, by name."""
     mirrored, thigh_size = side == "left", body.thigh(intact=intact)
-    thigh = plant.AddRigidBody(f"thigh_{side}", instance, frustum(body.thigh_mass, *thigh_size))
-    shank = plant.AddRigidBody(f"shank_{side}", instance, frustum(
+    thigh = plant.AddRigidBody(f"thigh_{side}", instance, solids.frustum(body.thigh_mass, *thigh_size))
+    shank = plant.AddRigidBody(f"shank_{side}", instance, solids.frustum(
         body.shank_mass if intact else body.residual_shank_mass, *body.shank(intact=intact)))
     names = leg_coordinates(side, intact)
     hip = np.array([body.hip_forward, body.hip_lateral if mirrored else -body.hip_lateral, body.hip_up])
-    add_chain(plant, instance, pelvis.body_frame(), hip, thigh, rotations(names[:3], mirrored))
+    solids.add_chain(plant, instance, pelvis.body_frame(), hip, thigh, solids.rotations(names[:3], mirrored))
     knee = np.array([0.0, 0.0, -thigh_size[-1]])
-    add_chain(plant, instance, thigh.body_frame(), knee, shank, rotations(names[3:6], mirrored, LEFTWARD))
+    solids.add_chain(plant, instance, thigh.body_frame(), knee, shank,
+                     solids.rotations(names[3:6], mirrored, solids.LEFTWARD))
     return {f"thigh_{side}": thigh, f"shank_{side}": shank}
 
 
@@ -128,9 +115,9 @@ def _add_intact_foot(
     moments = body.foot_mass * np.array([long, ml, ap])
     heel = -parameters.ankle_x_ratio * body.foot_length
     center = np.array([heel + body.table.foot_center * body.foot_length, 0.0, -0.5 * body.ankle_height])
-    foot = plant.AddRigidBody(f"foot_{side}", instance, from_central(body.foot_mass, center, moments))
-    add_chain(plant, instance, shank.body_frame(), np.array([0.0, 0.0, -body.shank_length]), foot,
-              rotations(leg_coordinates(side, intact=True)[6:], side == "left"))
+    foot = plant.AddRigidBody(f"foot_{side}", instance, solids.from_central(body.foot_mass, center, moments))
+    solids.add_chain(plant, instance, shank.body_frame(), np.array([0.0, 0.0, -body.shank_length]), foot,
+                     solids.rotations(leg_coordinates(side, intact=True)[6:], side == "left"))
     return foot
 
 
@@ -155,14 +142,14 @@ def add_socket(
     (toes up), adduction and internal rotation. On the left, `mirrored`, the axes of the last two change their sign.
     """
     instance, radius, height = plant.AddModelInstance("socket"), SOCKET_RADIUS_M, residual_length
-    hanging = frustum(parameters.socket_mass_kg, radius, 0.75 * radius, height)
+    hanging = solids.frustum(parameters.socket_mass_kg, radius, 0.75 * radius, height)
     socket = plant.AddRigidBody("socket_body", instance, hanging.Shift(np.array([0.0, 0.0, -height])))
-    pylon = plant.AddRigidBody("pylon", instance, frustum(
+    pylon = plant.AddRigidBody("pylon", instance, solids.frustum(
         parameters.pylon_mass_kg, parameters.pylon_radius_m, parameters.pylon_radius_m, pylon_length))
     plant.AddJoint(WeldJoint("pylon_weld", socket.body_frame(), pylon.body_frame(), RigidTransform()))
-    add_chain(plant, instance, shank, np.array([0.0, 0.0, -residual_length]), socket, [
-        *translations(SOCKET_COORDINATES[:3], (FORWARD, LEFTWARD, UPWARD)),
-        *rotations(SOCKET_COORDINATES[3:], mirrored)])
+    solids.add_chain(plant, instance, shank, np.array([0.0, 0.0, -residual_length]), socket, [
+        *solids.translations(SOCKET_COORDINATES[:3], (solids.FORWARD, solids.LEFTWARD, solids.UPWARD)),
+        *solids.rotations(SOCKET_COORDINATES[3:], mirrored)])
     lower_end = RigidTransform(np.array([0.0, 0.0, -pylon_length]))
     distal = plant.AddFrame(FixedOffsetFrame("pylon_distal", pylon.body_frame(), lower_end, instance))
     p = parameters

@@ -41,12 +41,7 @@ from typing import Any
 import numpy as np
 import yaml
 from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
-from pydrake.multibody.parsing import (
-    GetScopedFrameByName,
-    LoadModelDirectivesFromString,
-    Parser,
-    ProcessModelDirectives,
-)
+from pydrake.multibody import parsing
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
 from pydrake.systems.analysis import SimulatorConfig
@@ -78,17 +73,13 @@ _ROTATION_TAGS = {frozenset(("deg",)): "!Rpy", frozenset(("angle_deg", "axis")):
 
 @dataclass(frozen=True)
 class Station:
-    """A finished station; its ports are those of `diagram`, see the module.
-
-    `parts` is what the kind's own builder returned, with every system in it: `BenchDiagram`, `GaitDiagram`, or a dict
-    of `WiredFoot` by name for a leg.
-    """
+    """A finished station; its ports are those of `diagram`, see the module."""
 
     scenario: Scenario
     diagram: Diagram
     plant: MultibodyPlant
     feet: dict[str, FootHandles]  # variable-stiffness feet by name
-    parts: BenchDiagram | GaitDiagram | dict[str, WiredFoot]
+    parts: BenchDiagram | GaitDiagram | dict[str, WiredFoot]  # with every system in it; of a leg the feet by name
 
     def plant_context(self, root: Context) -> Context:
         """The plant's part of the Context of the diagram that holds the station, or of its own."""
@@ -102,10 +93,7 @@ class Station:
 
 
 def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat | None = None) -> Station:
-    """Builds what `scenario` describes. It can be added to a larger diagram, any number of times.
-
-    A bench is `make_bench` inside, a person `make_gait`; a foot under a leg is wired by `wire_foot`, found by
-    `find_foot` if the model has it already.
+    """Builds what `scenario` describes; it can be added to a larger diagram, any number of times.
 
     Args:
         visual: with shapes to be seen by, and the output `query` of the SceneGraph.
@@ -203,7 +191,7 @@ def _add_leg(
 
 
 def _parse(plant: MultibodyPlant, scenario: Scenario) -> None:
-    parser = Parser(plant)
+    parser = parsing.Parser(plant)
     add_model_package(parser)
     path = file_of(scenario.robot) if scenario.robot else None
     if path is not None and not scenario.directives:
@@ -214,7 +202,7 @@ def _parse(plant: MultibodyPlant, scenario: Scenario) -> None:
     first = [] if path is None else [{"add_directives": {"file": path.absolute().as_uri()}}]
     with _refused("directives", "Drake cannot follow them"):
         text = _directives_text([*first, *scenario.directives])
-        ProcessModelDirectives(LoadModelDirectivesFromString(text), parser)
+        parsing.ProcessModelDirectives(parsing.LoadModelDirectivesFromString(text), parser)
 
 
 def _directives_text(directives: list[Any]) -> str:
@@ -255,7 +243,7 @@ def _foot(
                          scene_graph=scene_graph)
     with _refused(f"{where}.parent_frame", f"{asked.parent_frame!r} is not in the model",
                   right="Give it as instance::frame"):
-        frame = GetScopedFrameByName(plant, asked.parent_frame)
+        frame = parsing.GetScopedFrameByName(plant, asked.parent_frame)
     return add_foot(plant, frame, parameters, name=asked.name, side=side, contact=contact, fulcrum_m=fulcrum_m)
 
 
@@ -296,7 +284,7 @@ def _guided(plant: MultibodyPlant, name: str, where: str) -> Joint:
     return joint
 
 
-def add_model_package(parser: Parser) -> None:
+def add_model_package(parser: parsing.Parser) -> None:
     """Lets `parser` find package://vsf_drake/vsf_foot.sdf, leg.urdf and foot_under_leg.dmd.yaml; twice does no harm."""
     package = resource("models/package.xml")
     packages = parser.package_map()

@@ -1,8 +1,5 @@
-"""What foot, person and station look like: visual shapes for a SceneGraph, without any role in the physics.
-
-The shapes follow the model: keel pieces of their size, contact spheres where they touch, frusta and ellipsoid of the
-segments. The frame's box, the carriage with its roller under the keel and the intact foot are stand-ins.
-"""
+"""What foot, person and station look like: visual shapes for a SceneGraph, without any role in the physics. The frame's
+box, the carriage with its roller under the keel and the intact foot are stand-ins; all others follow the model."""
 
 from __future__ import annotations
 
@@ -49,8 +46,7 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
     """Gives the bodies of `foot` shapes to be seen by: rigid frame, keel pieces, carriage, contact spheres.
 
     Call it once a foot, after `add_foot` and before `plant.Finalize()`, on a plant that is registered as a source of
-    a SceneGraph, as `AddMultibodyPlantSceneGraph` leaves it. The shapes are for looking at only (Drake's roles of
-    perception and illustration); where a foot has Drake's own contact, its contact shapes stay what they are.
+    a SceneGraph, as `AddMultibodyPlantSceneGraph` leaves it.
     """
     require(plant.geometry_source_is_registered(), "shapes need a SceneGraph, and the plant is registered with none",
             "add_foot_visuals", "Make the plant by AddMultibodyPlantSceneGraph(builder, time_step), or call "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import count
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from pydrake.common.value import Value
@@ -27,12 +27,6 @@ SERVO_FREQUENCY = 2 * np.pi * 600.0
 S = TypeVar("S", bound=LeafSystem)
 
 
-class HasOutputs(Protocol):
-    """A system, or what has outputs by their names like one."""
-
-    def GetOutputPort(self, name: str, /) -> OutputPort: ...
-
-
 def connect_kinematics(builder: DiagramBuilder, plant: MultibodyPlant, system: LeafSystem) -> None:
     """Feeds `system` from the plant: body poses, body spatial velocities and state, whichever it takes."""
     for name in ("body_poses", "body_spatial_velocities", "state"):
@@ -50,8 +44,8 @@ def add_forces(builder: DiagramBuilder, plant: MultibodyPlant, name: str, system
     return system
 
 
-def export_outputs(builder: DiagramBuilder, system: HasOutputs, names: Iterable[str], prefix: str = "") -> None:
-    """Exports outputs of a system, or of a wired foot, with `prefix` before their names."""
+def export_outputs(builder: DiagramBuilder, system: Any, names: Iterable[str], prefix: str = "") -> None:
+    """Exports outputs of a system, or of a WiredFoot, with `prefix` before their names."""
     for name in names:
         builder.ExportOutput(system.GetOutputPort(name), prefix + name)
 
@@ -71,12 +65,9 @@ def servo(plant: MultibodyPlant, names: Sequence[str], inertia: np.ndarray) -> G
 
 
 def share_spatial_forces(builder: DiagramBuilder, plant: MultibodyPlant, port: OutputPort) -> None:
-    """Applies the list of spatial forces in `port` to `plant`, beside whatever is applied there already.
-
-    Works in any order and any number of times before `builder.Build()`: what was connected stays, and comes together
-    with `port` in an ExternallyAppliedSpatialForceMultiplexer. InputError if the plant's port is exported as an input
-    of the diagram, or `port` is no list of spatial forces, of no system in `builder`, or acts on the plant already.
-    """
+    """Applies the list of spatial forces in `port` to `plant`, beside whatever is applied there already, in any order
+    and any number of times before `builder.Build()`. InputError if the plant's port is exported as an input of the
+    diagram, or `port` is no list of spatial forces, of no system in `builder`, or acts on the plant already."""
     check_shareable(builder, plant)
     check_port(builder, port)
     vector = port.get_data_type() == PortDataType.kVectorValued

@@ -5,8 +5,6 @@
 
 The keel is planar, so its bodies' poses follow from its joint angles, and the forces on the whole foot are one spatial
 force on F beside moments in the keel's joints: a body that turns about joint j moves with every force beyond j.
-
-Arrays instead of names: `scalars` in the order of SCALARS, the outputs one vector that `slices` cuts up.
 """
 
 from __future__ import annotations
@@ -98,11 +96,10 @@ def foot_vector(
     """All outputs of one foot, see `slices`.
 
     Args:
-        law: its number. starts: (m,) m, of the keel joints. site_keel: (N,) keel body of each sphere, -1
-            for the frame. p_BS: (N, 3). sites: (N, SITE_COLUMNS).
-        patches: (M, PATCH_COLUMNS). bounds: (M, 4). joints: (m, 2) stiffness and damping. scalars: SCALARS.
+        starts: (m,) m, of the keel joints. site_keel: (N,) keel body of each sphere, -1 for the frame.
+        sites: (N, SITE_COLUMNS). patches: (M, PATCH_COLUMNS). joints: (m, 2) stiffness and damping. scalars: SCALARS.
         at: (2, m + 1) where keel joints and carriage are in the state. velocities: how many the plant has.
-        X, V: (3, 4) and (6,) of the frame. state: of the plant. position: of the fulcrum (m from A).
+        X, V: (3, 4) and (6,) of the frame. position: of the fulcrum (m from A).
     """
     m, count = len(starts), len(site_keel)
     kind = state.dtype
@@ -235,8 +232,7 @@ def _pressure_centre(
     out[14] = ux * (ax - (ty * fz - tz * fy)) + uy * (ay - (tz * fx - tx * fz)) + uz * (az - (tx * fy - ty * fx))
 
 
-# The same for AutoDiffXd: the functions above in Python, with the array laws, which are the definition, in place of
-# their scalar forms.
+# The same for AutoDiffXd: the functions above in Python, with the array laws in place of their scalar forms.
 
 
 def _press_by_law(law: int, signed: Any, rate: Any, site: np.ndarray, compliance: Any, depth_width: Any,

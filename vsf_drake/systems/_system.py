@@ -27,28 +27,12 @@ from pydrake.multibody.math import SpatialForce_, SpatialVelocity_
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce_
 from pydrake.multibody.tree import BodyIndex
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import (
-    BasicVector_,
-    Context,
-    DependencyTicket,
-    DiscreteValues,
-    InputPort,
-    LeafSystem,
-    LeafSystem_,
-    ValueProducer,
-)
+from pydrake.systems import framework
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from vsf_drake import parameters
 from vsf_drake.errors import InputError
 from vsf_drake.ground import GroundPatch
-from vsf_drake.parameters import (
-    ActuatorParameters,
-    BushingAxis,
-    ContactZone,
-    FrictionParameters,
-    FulcrumParameters,
-    SocketParameters,
-)
 
 PEERS = "_pydrake_internal_ref_cycle_peers"
 FARTHEST_M = 10.0
@@ -66,16 +50,16 @@ def _positive(unit: str, *names: str, low: float = 0.0) -> dict[str, tuple[str, 
 
 
 BOUNDS: dict[str, tuple[str, float, float]] = {
-    **_of(ContactZone, radius="radius_m", stiffness="stiffness", exponent="exponent", damping="damping_n_s_per_m",
-          full_damping_depth="full_damping_depth_m"),
+    **_of(parameters.ContactZone, exponent="exponent", full_damping_depth="full_damping_depth_m"),
     "radius": ("m", 0.0, 0.2), **_positive("N s/m", "damping"), **_positive("N/m^exponent", "stiffness"),
-    **_of(FrictionParameters, mu_static="mu_static", mu_kinetic="mu_kinetic",
+    **_of(parameters.FrictionParameters, mu_static="mu_static", mu_kinetic="mu_kinetic",
           threshold_velocity="threshold_velocity_m_per_s"),
     **_of(GroundPatch, ground_bounds="to_x_m", ground_reference_x="reference_x_m", ground_height="height_m"),
     **dict.fromkeys(("ground_slope", "ground_bank"), ("1", -1.0, 1.0)), "ground_compliance": ("m/N", 0.0, 1.0),
-    **_of(FulcrumParameters, fulcrum_m="foremost_m", rearmost="rearmost_m", foremost="foremost_m",
+    **_of(parameters.FulcrumParameters, fulcrum_m="foremost_m", rearmost="rearmost_m", foremost="foremost_m",
           carriage_mass="carriage_mass_kg"),
-    **_of(BushingAxis, "socket_"), **_of(SocketParameters, socket_stop_ratio="stop_ratio"), **_of(ActuatorParameters),
+    **_of(parameters.BushingAxis, "socket_"), **_of(parameters.SocketParameters, socket_stop_ratio="stop_ratio"),
+    **_of(parameters.ActuatorParameters),
     "p_BS": ("m", -math.inf, math.inf), **_positive("s/m", "dissipation"),
     **_positive("m", "depth_width", "reached", low=1e-9), **_positive("m/s", "rate_width", low=1e-9),
     **_positive("N m/rad", "joint_stiffness"), **_positive("N m s/rad", "joint_damping"),
@@ -90,7 +74,7 @@ bears. Keel, fulcrum and socket have joint_, fulcrum_ and socket_ before the nam
 
 
 if TYPE_CHECKING:
-    _Leaf = LeafSystem
+    _Leaf = framework.LeafSystem
 else:
     _Leaf = object  # `system_template` puts the LeafSystem of each scalar type beside it
 
@@ -112,9 +96,9 @@ class System(_Leaf):
     template: ClassVar[TemplateSystem]
     _T: type[Any]  # the scalar type
     _arguments: dict[str, Any]
-    _ports: dict[str, InputPort]
+    _ports: dict[str, framework.InputPort]
     _shapes: dict[str, tuple[int, ...]]
-    _constants: Callable[[Context], dict[str, np.ndarray]]
+    _constants: Callable[[framework.Context], dict[str, np.ndarray]]
 
     def _arguments_for(self, T: type) -> dict[str, Any]:
         return self._arguments
@@ -124,12 +108,12 @@ class System(_Leaf):
         """Names that `GetParameter` and `SetParameters` know."""
         return tuple(self.parameter_index)
 
-    def GetParameter(self, context: Context, name: str) -> np.ndarray:
+    def GetParameter(self, context: framework.Context, name: str) -> np.ndarray:
         """Value of the constant `name` in this system's `context`, a copy in the shape it was declared with."""
         self._check_known(context, name)
         return np.array(self._constants(context)[name])
 
-    def SetParameters(self, context: Context, **values: Any) -> None:
+    def SetParameters(self, context: framework.Context, **values: Any) -> None:
         """Sets constants by name in this system's `context`; a scalar fills a whole array. What is out of bounds is
         refused where the system is evaluated next.
 
@@ -152,7 +136,7 @@ class System(_Leaf):
         for index, vector in checked.items():
             context.get_mutable_numeric_parameter(index).SetFromVector(vector)
 
-    def _check_known(self, context: Context, *names: str) -> None:
+    def _check_known(self, context: framework.Context, *names: str) -> None:
         """The numeric parameters of a diagram are numbered on; those of another system would be changed unseen."""
         try:
             self.ValidateContext(context)
@@ -172,11 +156,11 @@ class System(_Leaf):
                 vector = np.broadcast_to(np.asarray(value, dtype=float), shape).ravel()
             except ValueError:
                 raise ValueError(f"{name} must have shape {shape}, but has {np.shape(value)}") from None
-            self.parameter_index[name] = self.DeclareNumericParameter(BasicVector_[self._T](vector))
+            self.parameter_index[name] = self.DeclareNumericParameter(framework.BasicVector_[self._T](vector))
             self._shapes[name] = shape
         self._constants = self._declare_cached("constants", self._read_parameters, self.all_parameters_ticket())
 
-    def _read_parameters(self, context: Context) -> dict[str, np.ndarray]:
+    def _read_parameters(self, context: framework.Context) -> dict[str, np.ndarray]:
         read = {name: context.get_numeric_parameter(index).CopyToVector()
                 for name, index in self.parameter_index.items()}
         for name, (unit, low, high) in self._bounds.items() if self._T is not Expression else ():
@@ -197,10 +181,10 @@ class System(_Leaf):
         for name in names or kinds:
             self._ports[name] = self.DeclareAbstractInputPort(name, AbstractValue.Make([kinds[name][self._T]()]))
 
-    def _value(self, context: Context, name: str) -> Any:
+    def _value(self, context: framework.Context, name: str) -> Any:
         return self._ports[name].Eval(context)
 
-    def _fulcrum_place(self, context: Context) -> Any:
+    def _fulcrum_place(self, context: framework.Context) -> Any:
         """The input `fulcrum_position`, or the parameter fulcrum_m where it is not connected (m from A)."""
         given = "fulcrum_m" not in self.parameter_index or self._ports["fulcrum_position"].HasValue(context)
         position = self._value(context, "fulcrum_position")[0] if given else self._constants(context)["fulcrum_m"]
@@ -211,27 +195,28 @@ class System(_Leaf):
         return position
 
     def _declare_output(
-        self, name: str, size: int, calc: Callable[[Context], Any], *sources: DependencyTicket
+        self, name: str, size: int, calc: Callable[[framework.Context], Any], *sources: framework.DependencyTicket
     ) -> None:
         value = _weakly(calc)
 
-        def write(context: Context, out: Any) -> None:
+        def write(context: framework.Context, out: Any) -> None:
             out.SetFromVector(value(context))
 
         if self._T is Expression:  # which Drake stores as numbers that are not: numpy would warn of each
             write = np.errstate(invalid="ignore")(write)
         self.DeclareVectorOutputPort(name, size, write, *([set(sources)] if sources else []))
 
-    def _declare_parts(self, entry: Callable[[Context], Any], **sizes: int) -> None:
+    def _declare_parts(self, entry: Callable[[framework.Context], Any], **sizes: int) -> None:
         for name, size in sizes.items():
             self._declare_part(name, size, entry, name)
 
     def _declare_part(
-        self, name: str, size: int, entry: Callable[[Context], Any], key: object, *sources: DependencyTicket
+        self, name: str, size: int, entry: Callable[[framework.Context], Any], key: object,
+        *sources: framework.DependencyTicket
     ) -> None:
         self._declare_output(name, size, lambda context: entry(context)[key], *sources)
 
-    def _declare_spatial_forces(self, calc: Callable[[Context], Iterable[tuple[int, np.ndarray]]]) -> None:
+    def _declare_spatial_forces(self, calc: Callable[[framework.Context], Iterable[tuple[int, np.ndarray]]]) -> None:
         """An output of the pairs that `calc(context)` returns: body, (6,) moment and force in W at its origin."""
         pairs, applied, force = _weakly(calc), ExternallyAppliedSpatialForce_[self._T], SpatialForce_[self._T]
 
@@ -246,8 +231,8 @@ class System(_Leaf):
         self.DeclareAbstractOutputPort("spatial_forces", lambda: AbstractValue.Make([applied()]), write)
 
     def _declare_cached(
-        self, name: str, calc: Callable[[Context], R], *sources: DependencyTicket
-    ) -> Callable[[Context], R]:
+        self, name: str, calc: Callable[[framework.Context], R], *sources: framework.DependencyTicket
+    ) -> Callable[[framework.Context], R]:
         """What the method `calc(context)` returns, kept until a source changes, by default inputs and parameters."""
         compute = _weakly(calc)
         owner: Callable[[], Any] = weakref.ref(self)
@@ -256,11 +241,13 @@ class System(_Leaf):
             value.set_value(compute(context))
 
         index = self.DeclareCacheEntry(
-            name, ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=write),
+            name, framework.ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=write),
             set(sources or (self.all_input_ports_ticket(), self.all_parameters_ticket()))).cache_index()
         return lambda context: owner().get_cache_entry(index).Eval(context)
 
-    def _declare_periodic(self, period: float, update: Callable[[Context, DiscreteValues], None]) -> None:
+    def _declare_periodic(
+        self, period: float, update: Callable[[framework.Context, framework.DiscreteValues], None]
+    ) -> None:
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, _weakly(update))
 
 
@@ -300,7 +287,7 @@ def system_template(*others: type) -> Callable[[type[S]], type[S]]:
 
 def _instantiation(cls: type[S], T: type) -> type:
     """The class for scalar type T, which TemplateSystem gives the `__init__` that chooses between these two."""
-    leaf, construct = LeafSystem_[T], cls.__init__
+    leaf, construct = framework.LeafSystem_[T], cls.__init__
 
     @wraps(construct)
     def _construct(self: Any, *, converter: Any = None, **arguments: Any) -> None:

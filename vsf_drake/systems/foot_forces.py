@@ -10,14 +10,7 @@ from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import Context
 
 from vsf_drake.errors import InputError
-from vsf_drake.systems._foot_kernel import (
-    PATCH_COLUMNS,
-    SCALARS,
-    SITE_COLUMNS,
-    foot_vector,
-    foot_vector_in_python,
-    slices,
-)
+from vsf_drake.systems import _foot_kernel as kernel
 from vsf_drake.systems._system import System, system_template
 
 CONTACT_LAWS = ("kelvin_voigt", "smooth", "hunt_crossley")
@@ -25,7 +18,8 @@ CONTACT_LAWS = ("kelvin_voigt", "smooth", "hunt_crossley")
 PER_JOINT = ("joint_stiffness", "joint_damping")
 DEVICE = dict.fromkeys(PER_JOINT, "m") | dict.fromkeys(
     ("fulcrum_stiffness", "fulcrum_damping", "fulcrum_m", "carriage_gain", "carriage_rate_gain"), "")
-CONTACT = {"p_BS": "N3", **dict.fromkeys(SITE_COLUMNS, "N"), "ground_bounds": "M4", **dict.fromkeys(PATCH_COLUMNS, "M"),
+CONTACT = {"p_BS": "N3", **dict.fromkeys(kernel.SITE_COLUMNS, "N"), "ground_bounds": "M4",
+           **dict.fromkeys(kernel.PATCH_COLUMNS, "M"),
            **dict.fromkeys(("threshold_velocity", "depth_width", "rate_width"), "")}
 """Parameters and their shapes, of m keel joints, N spheres and M patches."""
 Constant = float | np.ndarray
@@ -103,7 +97,7 @@ class FootForces(System):
         m, sites = len(self._starts), len(self._site_keel)
         if self._at.shape != (2, m + 1):
             raise ValueError(f"{m} keel joints and the carriage have {m + 1} indices, not {self._at.shape[1]}")
-        self._slices = slices(m, sites, num_velocities)
+        self._slices = kernel.slices(m, sites, num_velocities)
         self._declare_kinematics()
         self._declare_inputs(state=num_positions + num_velocities, fulcrum_position=1)
         known = DEVICE | (CONTACT if law else {})
@@ -123,9 +117,9 @@ class FootForces(System):
     def _pack_constants(self, context: Context) -> tuple[Any, ...]:
         c = _NO_CONTACT | self._constants(context)
         sites, patches, joints = (np.column_stack([c[name] for name in names])
-                                  for names in (SITE_COLUMNS, PATCH_COLUMNS, PER_JOINT))
+                                  for names in (kernel.SITE_COLUMNS, kernel.PATCH_COLUMNS, PER_JOINT))
         return (self._law, self._starts, self._site_keel, c["p_BS"], sites, patches, c["ground_bounds"], joints,
-                np.array([c[name] for name in SCALARS]), self._at, self._count)
+                np.array([c[name] for name in kernel.SCALARS]), self._at, self._count)
 
     def _calc_values(self, context: Context) -> np.ndarray:
         X_WF = self._value(context, "body_poses")[self._frame].GetAsMatrix34()
@@ -133,9 +127,9 @@ class FootForces(System):
         arguments = (*self._packed(context), X_WF, V_WF, self._value(context, "state"), self._fulcrum_place(context))
         values: np.ndarray
         if self._T is AutoDiffXd:
-            values = foot_vector_in_python(*arguments) + AutoDiffXd(0.0)  # not ints either
+            values = kernel.foot_vector_in_python(*arguments) + AutoDiffXd(0.0)  # not ints either
             return values
-        values = foot_vector(*arguments)
+        values = kernel.foot_vector(*arguments)
         if self._grip_limit is not None:
             self._check_grip(context, values[self._slices["normal_force"]])
         return values

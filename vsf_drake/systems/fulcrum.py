@@ -251,7 +251,7 @@ class FulcrumActuator(System):
 
         # Screw and carriage together, everything as force and mass at the carriage
         tangent, friction = law.thread(*(c[name] for name in THREAD))
-        sense = law.direction(v, c["creep_speed_m_per_s"])
+        sense = np.tanh(v / c["creep_speed_m_per_s"])
         torque = c["torque_constant_n_m_per_a"] * current - c["motor_friction_n_m"] * sense
         stop = law.stop_force(x, v, low=c["rearmost"], high=c["foremost"], stiffness=c["stop_stiffness_n_per_m"],
                               dissipation=c["stop_dissipation_s_per_m"])
