@@ -229,7 +229,7 @@ def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     sweep = tuple(SweepPoint(row.fulcrum_mm, row.cost, {
         "knee": 1.0 + 1e-3 * (row.fulcrum_mm - 66.0),
         "consistency": row.cost - 1.0 - 1e-3 * (row.fulcrum_mm - 66.0)}) for row in made_table().sweep)
-    terms = (Term("knee", "intact knee", 1.0382, 0.5), Term("consistency", "change of the force", 2.0 - 1.0382, 0.5))
+    terms = (Term("knee", "intact knee", 1.0382), Term("consistency", "change of the force", 2.0 - 1.0382))
     words = said(sweep=sweep, terms=terms, recorded_mm=())
     assert "12.7 % less than at the softest setting" in words
     assert ('Without "change of the force", the part of the cost that only holds to the recording, it is 3.8 % MORE '

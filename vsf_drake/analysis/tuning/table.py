@@ -34,12 +34,11 @@ class DesignValue:
 
 @dataclass(frozen=True)
 class Term:
-    """A part of the cost at the optimum, and its share of all parts without sign."""
+    """A part of the cost at the optimum."""
 
     name: str
     label: str
     value: float | None
-    share: float | None
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class Outcome:
     recorded: float | None
     uncertainty: float | None  # one standard deviation
     matters: bool | None  # whether it changes by more over the range
-    sentence: str
+    sentence: str = ""  # of the cost itself, what that means
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,6 @@ class SolverEnd:
     message: str
     iterations: int | None
     evaluations: int
-    violation: float
     optimality: float | None
 
 
@@ -88,7 +86,6 @@ class Confirmation:
     fulcrum_mm: float | None
     cost: float | None
     success: bool
-    start: float | str  # the fulcrum, or "warm"
     message: str
 
 
@@ -166,7 +163,6 @@ class TuningTable:
     starts: tuple[SearchEnd, ...]
     checks: tuple[TuningCheck, ...]
     tasks: tuple[TaskOptimum, ...]
-    common_fulcrum_mm: float | None
     pareto: tuple[ParetoPoint, ...]
     pareto_names: tuple[str, ...]
     robustness: tuple[ChangedOptimum, ...]
@@ -198,6 +194,11 @@ class TuningTable:
         """The cost at a position, by straight lines between the points of the sweep; None outside of them."""
         x, y = self.swept()
         return float(np.interp(fulcrum_mm, x, y)) if len(x) and x[0] <= fulcrum_mm <= x[-1] else None
+
+    @property
+    def common_fulcrum_mm(self) -> float | None:
+        """The one setting for all tasks; None where there are none."""
+        return self.fulcrum_mm if self.tasks else None
 
     @property
     def cost_outcome(self) -> Outcome | None:

@@ -115,12 +115,11 @@ def _answer(table: TuningTable, arrays: Arrays) -> Facts:
 
 
 def _outcomes(table: TuningTable, arrays: Arrays) -> Facts:
-    own, shown = table.cost_outcome, []
+    shown = []
     for row in reading.shown_outcomes(table):
         x, y = table.swept("outcomes", row.name)
         shown.append({"label": row.label, "unit": row.unit, "x": x[[0, -1]], "y": y[[0, -1]]})
-    return {"sentences": [row.sentence for row in table.outcomes if row.sentence and row is not own],
-            "shown": shown, "figures": {"outcomes": figures.outcomes_figure(table)} if shown else {},
+    return {"shown": shown, "figures": {"outcomes": figures.outcomes_figure(table)} if shown else {},
             "rows": [{**vars(row), "told": _MATTERS[row.matters]} for row in table.outcomes]}
 
 

@@ -6,30 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import OPTIMUM, RECORDED, SETTINGS, SOFTEST, STIFFEST, TuningCheck
+from vsf_drake.analysis.tuning import table as t
+from vsf_drake.analysis.tuning.common import RECORDED, SETTINGS, TuningCheck
 from vsf_drake.analysis.tuning.level1.costs import LABELS
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TuningEvaluation
 from vsf_drake.analysis.tuning.level1.sweep import KINDS, SAME_LOAD, SettingSweep
 from vsf_drake.analysis.tuning.level1.uncertainty import Worth, difference
-from vsf_drake.analysis.tuning.table import (
-    FORMAT,
-    ChangedOptimum,
-    Confirmation,
-    DesignValue,
-    Outcome,
-    ParetoPoint,
-    Provenance,
-    SearchEnd,
-    SolverEnd,
-    SweepPoint,
-    TaskOptimum,
-    Term,
-    TuningTable,
-    as_saved,
-)
 from vsf_drake.errors import FitError
 from vsf_drake.schema import to_plain
-from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
 
 AT_BOUND = 1e-3  # share of a bound's width within which a variable counts as on the bound
@@ -70,9 +54,9 @@ class TuningSolution:
     worth: Worth | None = None  # how well the position is known, and what it is worth
     draws: list[SettingSweep] = field(default_factory=list)  # by draw of the contact
     draw_failures: list[str] = field(default_factory=list)  # why some could not be walked
-    tasks: list[TaskOptimum] = field(default_factory=list)
-    pareto: list[ParetoPoint] = field(default_factory=list)
-    robustness: list[ChangedOptimum] = field(default_factory=list)
+    tasks: list[t.TaskOptimum] = field(default_factory=list)
+    pareto: list[t.ParetoPoint] = field(default_factory=list)
+    robustness: list[t.ChangedOptimum] = field(default_factory=list)
     checks: list[TuningCheck] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)  # what a reader has to know
     wall_s: float = 0.0
@@ -102,41 +86,39 @@ class TuningSolution:
                      if at < AT_BOUND or at > 1.0 - AT_BOUND)
 
 
-def tuning_table(solution: TuningSolution) -> TuningTable:
+def tuning_table(solution: TuningSolution) -> t.TuningTable:
     """The content of `tuning.json`; of a tuning that failed `optimal` is false."""
     tuning, best, swept, worth = solution.tuning, solution.best, solution.sweep, solution.worth
     searched, combination = solution.searched, tuning.combination
     terms = {name: float(term[0]) for name, term in best.terms.items()}
-    whole = sum(map(abs, terms.values())) or 1.0  # terms of both signs may cancel
     inputs = {f"{label}: {file}": digest for label, trial in zip(tuning.labels, tuning.trials, strict=True)
               for file, digest in trial.inputs.items()}
-    return as_saved(TuningTable(
-        format=FORMAT, level=1, cost_name=tuning.cost_name, cost_label=combination.label, cost_unit=combination.unit,
+    return t.as_saved(t.TuningTable(
+        format=t.FORMAT, level=1, cost_name=tuning.cost_name, cost_label=combination.label, cost_unit=combination.unit,
         optimal=solution.success, status=solution.message, fulcrum_mm=float(best.x[0]), cost=best.cost,
         at_bound=solution.at_bound, fulcrum_interval_mm=worth.interval_mm if worth else None,
         interval_meaning=worth.interval_meaning if worth else "",
-        design=tuple(DesignValue(name=v.name, unit=v.unit, value=float(x), low=v.low, high=v.high, default=v.default)
+        design=tuple(t.DesignValue(name=v.name, unit=v.unit, value=float(x), low=v.low, high=v.high, default=v.default)
                      for v, x in zip(tuning.design, best.x, strict=True)),
-        terms=tuple(Term(name, LABELS[name], value, value / whole) for name, value in terms.items()),
+        terms=tuple(t.Term(name, LABELS[name], value) for name, value in terms.items()),
         sweep=() if swept is None else tuple(
-            SweepPoint(fulcrum_mm=float(mm), cost=float(swept.cost[j]), terms=_means(swept.terms, j),
+            t.SweepPoint(fulcrum_mm=float(mm), cost=float(swept.cost[j]), terms=_means(swept.terms, j),
                        outcomes=_means(swept.outcomes, j)) for j, mm in enumerate(swept.fulcrum_mm)),
         outcomes=tuple(_outcomes(solution)),
-        solver=SolverEnd(
+        solver=t.SolverEnd(
             name=searched.solver if searched else None, message=searched.message if searched else solution.message,
-            iterations=searched.iterations if searched else None, evaluations=tuning.evaluations, violation=0.0,
+            iterations=searched.iterations if searched else None, evaluations=tuning.evaluations,
             optimality=searched.optimality if searched else None),
-        confirmed_by=tuple(Confirmation(
+        confirmed_by=tuple(t.Confirmation(
             solver=other.solver, fulcrum_mm=float(other.x[0]), cost=other.cost, success=other.success,
-            start=float(other.start[0]), message=other.message) for other in solution.confirmed),
-        starts=tuple(SearchEnd(float(s.start[0]), float(s.x[0]), s.cost, s.success) for s in solution.searches),
-        checks=tuple(solution.checks), tasks=tuple(solution.tasks),
-        common_fulcrum_mm=float(best.x[0]) if solution.tasks else None, pareto=tuple(solution.pareto),
+            message=other.message) for other in solution.confirmed),
+        starts=tuple(t.SearchEnd(float(s.start[0]), float(s.x[0]), s.cost, s.success) for s in solution.searches),
+        checks=tuple(solution.checks), tasks=tuple(solution.tasks), pareto=tuple(solution.pareto),
         pareto_names=tuning.options.pareto if solution.pareto else (), robustness=tuple(solution.robustness),
         trials=tuning.labels, recorded_mm=tuple(float(part.own[0]) for part in tuning.parts),
         synthetic=any(trial.synthetic for trial in tuning.trials), notes=tuple(solution.notes),
         wall_s=solution.wall_s,
-        provenance=Provenance(options=to_plain(tuning.options), **provenance(inputs, tuning.options.seed))))
+        provenance=t.Provenance(options=to_plain(tuning.options), **provenance(inputs, tuning.options.seed))))
 
 
 def _means(values: dict[str, np.ndarray], position: int) -> dict[str, float | None]:
@@ -144,12 +126,12 @@ def _means(values: dict[str, np.ndarray], position: int) -> dict[str, float | No
     return {name: float(each[:, position].mean()) for name, each in values.items()}
 
 
-def _outcomes(solution: TuningSolution) -> list[Outcome]:
+def _outcomes(solution: TuningSolution) -> list[t.Outcome]:
     """Means over trials; `uncertainty`: standard deviation over repeated trials of an outcome's range."""
     tuning, swept, worth = solution.tuning, solution.sweep, solution.worth
-    rows: list[Outcome] = []
+    rows: list[t.Outcome] = []
     if swept is not None and worth is not None:
-        rows.append(Outcome(
+        rows.append(t.Outcome(
             name="cost", label=tuning.combination.label, unit=tuning.combination.unit, softest=float(swept.cost[0]),
             optimum=solution.best.cost, stiffest=float(swept.cost[-1]), recorded=tuning.own_cost,
             uncertainty=worth.uncertainty, matters=worth.matters, sentence=worth.sentence))
@@ -157,13 +139,9 @@ def _outcomes(solution: TuningSolution) -> list[Outcome]:
         label, unit = (KINDS | SAME_LOAD)[name]
         at = dict(zip(SETTINGS, each.mean(axis=0).tolist(), strict=True))
         change = difference(swept.outcomes.get(name, each) if swept else each, tuning.groups)
-        known = bool(np.isfinite(each).all())
-        matters = change.matters(max(map(abs, at.values()))) if known or name in KINDS else None
-        sentence = say("level1", "outcome", label=label, unit=unit, known=known, range=change.range,
-                       spread=change.spread, matters=matters, softest=at[SOFTEST], optimum=at[OPTIMUM],
-                       stiffest=at[STIFFEST])[0]
-        rows.append(Outcome(name=name, label=label, unit=unit, **at, uncertainty=change.spread, matters=matters,
-                            sentence=sentence))
+        known = name in KINDS or bool(np.isfinite(each).all())
+        rows.append(t.Outcome(name=name, label=label, unit=unit, **at, uncertainty=change.spread,
+                            matters=change.matters(max(map(abs, at.values()))) if known else None))
     return rows
 
 

@@ -11,26 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.tuning import table as t
 from vsf_drake.analysis.tuning.common import COSTS, SETTINGS, WEIGHTED, TuningCheck, check_cost
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
 from vsf_drake.analysis.tuning.level2.stride import LABELS, MM, OWN, Stride, StrideOptions
 from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, resimulate_with_feedback
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
-from vsf_drake.analysis.tuning.table import (
-    FORMAT,
-    ChangedOptimum,
-    Confirmation,
-    DesignValue,
-    Outcome,
-    Provenance,
-    SearchEnd,
-    SolverEnd,
-    SweepPoint,
-    Term,
-    TuningTable,
-    as_saved,
-)
 from vsf_drake.collocation import sqp
 from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.program import confirm
@@ -177,7 +164,7 @@ class StrideSolution:
     sweep: list[Fixed] = field(default_factory=list)  # the best stride at each fixed position
     free: list[tuple[float, TrajectorySolution]] = field(default_factory=list)  # from where (mm), the fulcrum free
     checks: list[TuningCheck] = field(default_factory=list)  # what the optimum was held against
-    confirmed: list[Confirmation] = field(default_factory=list)  # by other solvers
+    confirmed: list[t.Confirmation] = field(default_factory=list)  # by other solvers
     simulated: dict[str, np.ndarray] = field(default_factory=dict)
     drawn: list[tuple[TrajectorySolution, Stride]] = field(default_factory=list)  # the optimum with drawn contacts
     message: str = ""  # how it ended
@@ -374,9 +361,8 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         try:
             run = simulate(tuning.walker, trajectory)
         except SimulationError as error:
-            result.checks.append(TuningCheck(f"resimulation_{kind}", f"re-simulation, {kind}", None, "% body weight",
-                                             "",
-                                      False, str(error)))
+            result.checks.append(TuningCheck(
+                f"resimulation_{kind}", f"re-simulation, {kind}", None, "% body weight", "", False, str(error)))
         else:
             result.checks.append(run.as_check())
             result.simulated |= run.arrays()
@@ -411,14 +397,14 @@ def _tracking_errors(solution: TrajectorySolution, stride: Stride) -> tuple[floa
     return float(np.sqrt(np.mean(np.delete(angles, (1, 2), axis=1) ** 2, axis=0)).max()), force
 
 
-def _confirmed(best: TrajectorySolution, solver: str, time_limit_s: float) -> Confirmation:
+def _confirmed(best: TrajectorySolution, solver: str, time_limit_s: float) -> t.Confirmation:
     """Where a solver ends that searches again from the optimum."""
     try:
         again = confirm(best.problem, best.last, solver, time_limit_s=time_limit_s)
     except (InputError, RuntimeError) as error:
-        return Confirmation(solver, fulcrum_mm=None, cost=None, success=False, start="warm", message=str(error))
-    return Confirmation(solver, fulcrum_mm=position_mm(again), cost=again.last_cost, success=again.success,
-                        start="warm", message=again.message)
+        return t.Confirmation(solver, fulcrum_mm=None, cost=None, success=False, message=str(error))
+    return t.Confirmation(solver, fulcrum_mm=position_mm(again), cost=again.last_cost, success=again.success,
+                        message=again.message)
 
 
 def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
@@ -437,42 +423,41 @@ def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
 # A tuning with a free motion as records: what `tuning.json` and `tuning.npz` hold.
 
 
-def stride_table(result: StrideSolution) -> TuningTable:
+def stride_table(result: StrideSolution) -> t.TuningTable:
     """The content of `tuning.json`."""
     tuning, best, stride = result.tuning, result.shown, result.search.stride
     names = tuning.options.weights if tuning.cost == WEIGHTED else (tuning.cost,)
-    whole = sum(abs(value) for value in best.terms.values()) or 1.0
     (low, high), p = stride.reach_mm, best.last.p
-    design = [DesignValue("fulcrum", "mm", position_mm(best), low=low, high=high, default=stride.own_m / MM)]
-    design += [DesignValue(name, UNITS[i], float(p[i]), low=float(best.problem.p_low[i]),
+    design = [t.DesignValue("fulcrum", "mm", position_mm(best), low=low, high=high, default=stride.own_m / MM)]
+    design += [t.DesignValue(name, UNITS[i], float(p[i]), low=float(best.problem.p_low[i]),
                            high=float(best.problem.p_high[i]), default=float(OWN[i]))
                for i, name in enumerate(DESIGN) if name in tuning.options.design]
     near = _as_good(result)
     lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
     different = [row for row in result.sweep
                  if len({f"{cost:.4g}" for cost in row.tried.values() if np.isfinite(cost)}) > 1]
-    return as_saved(TuningTable(
-        format=FORMAT, level=2, cost_name=tuning.cost, cost_label=" and ".join(LABELS[name] for name in names),
+    return t.as_saved(t.TuningTable(
+        format=t.FORMAT, level=2, cost_name=tuning.cost, cost_label=" and ".join(LABELS[name] for name in names),
         cost_unit="1", optimal=result.success, status=result.message, fulcrum_mm=position_mm(best),
         cost=best.last_cost, at_bound=best.at_bound if result.success else (), fulcrum_interval_mm=near,
         interval_meaning=say("stride", "interval", little=LITTLE)[0] if near else "", design=tuple(design),
-        terms=tuple(Term(name, LABELS[name], value, value / whole) for name, value in best.terms.items()),
-        sweep=tuple(SweepPoint(row.fulcrum_mm, None) if row.solution is None else SweepPoint(
+        terms=tuple(t.Term(name, LABELS[name], value) for name, value in best.terms.items()),
+        sweep=tuple(t.SweepPoint(row.fulcrum_mm, None) if row.solution is None else t.SweepPoint(
             row.fulcrum_mm, row.solution.last_cost, row.solution.terms, outcomes(row.solution, stride))
             for row in result.sweep),
         outcomes=tuple(_outcomes(result)),
-        solver=SolverEnd(name="Gauss-Newton SQP", message=best.message, iterations=best.iterations,
-                         evaluations=best.evaluations, violation=best.violation, optimality=best.optimality),
+        solver=t.SolverEnd(name="Gauss-Newton SQP", message=best.message, iterations=best.iterations,
+                         evaluations=best.evaluations, optimality=best.optimality),
         confirmed_by=tuple(result.confirmed),
-        starts=tuple(SearchEnd(mm, position_mm(s), s.last_cost, s.success) for mm, s in result.free),
-        checks=tuple(result.checks), tasks=(), common_fulcrum_mm=None, pareto=(), pareto_names=(),
-        robustness=tuple(ChangedOptimum(f"drawn contact {i + 1}", position_mm(s) if s.success else None,
+        starts=tuple(t.SearchEnd(mm, position_mm(s), s.last_cost, s.success) for mm, s in result.free),
+        checks=tuple(result.checks), tasks=(), pareto=(), pareto_names=(),
+        robustness=tuple(t.ChangedOptimum(f"drawn contact {i + 1}", position_mm(s) if s.success else None,
                                         s.last_cost if s.success else None) for i, (s, _) in enumerate(result.drawn)),
         trials=(tuning.label,), recorded_mm=(stride.own_m / MM,), synthetic=tuning.trial.synthetic,
         notes=(*say("stride", "limits"), *stride.recorded.notes,
                *say("stride", "sweep", lost=lost, different=len(different), count=len(result.sweep))),
         wall_s=result.wall_s,
-        provenance=Provenance(options=to_plain(tuning.options), **provenance(tuning.trial.inputs))))
+        provenance=t.Provenance(options=to_plain(tuning.options), **provenance(tuning.trial.inputs))))
 
 
 def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
@@ -491,7 +476,7 @@ def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
     return arrays | {name: value[:grid.instants] for name, value in result.simulated.items()}
 
 
-def _outcomes(result: StrideSolution) -> list[Outcome]:
+def _outcomes(result: StrideSolution) -> list[t.Outcome]:
     """At four settings; `uncertainty`: standard deviation over the drawn contacts, None of fewer than two."""
     stride = result.search.stride
     over = [outcomes(solution, stride) for _, solution in result.solved]
@@ -501,12 +486,11 @@ def _outcomes(result: StrideSolution) -> list[Outcome]:
     drawn = [outcomes(solution, other) for solution, other in result.drawn if solution.success]
     rows = []
     for name, (label, unit) in KINDS.items():
-        at = {setting: values[name] for setting, values in zip(SETTINGS, settings, strict=True)}
+        at: dict[str, Any] = {setting: values[name] for setting, values in zip(SETTINGS, settings, strict=True)}
         error = float(np.std([values[name] for values in drawn], ddof=1)) if len(drawn) > 1 else None
         range_over = max(values[name] for values in over) - min(values[name] for values in over)
-        rows.append(Outcome(name=name, label=label, unit=unit, **at, uncertainty=error,
-                            matters=None if error is None else bool(range_over > SURE * error),
-                            sentence=say("stride", "outcome", label=label, unit=unit, **at)[0]))
+        rows.append(t.Outcome(name=name, label=label, unit=unit, **at, uncertainty=error,
+                            matters=None if error is None else bool(range_over > SURE * error)))
     return rows
 
 
