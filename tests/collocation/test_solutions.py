@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 from collocation_problems import (
-    free_spring_mass,
     oscillator,
     pendulum,
     regulator,
@@ -26,14 +25,6 @@ def test_the_spring_that_makes_a_prescribed_oscillation_cheapest_is_in_resonance
     assert solution.p[0] == pytest.approx(40.0, abs=1e-9) and solution.at_bound == ("stiffness",)
 
 
-def test_a_free_mass_returns_without_force_on_the_spring_that_is_in_resonance():
-    problem, start, stiffness = free_spring_mass()
-    solution = solve(problem, start)
-    assert solution.p[0] == pytest.approx(stiffness, rel=1e-3)
-    assert solution.z[:, 0] == pytest.approx(0.1 * np.cos(5.0 * problem.grid.times_s), abs=1e-4)
-    assert solution.cost == pytest.approx(0.0, abs=1e-8)
-
-
 def test_the_torsion_spring_of_a_wide_swinging_pendulum_is_its_projection_with_a_bessel_function():
     problem, start, stiffness = pendulum()
     solution = solve(problem, start)
@@ -49,11 +40,6 @@ def test_limited_acceleration_costs_what_pontryagin_says(most, as_limit):
     assert np.abs(solution.z[:, problem.layout.a]).max() <= most * (1.0 + 1e-7)
 
 
-def test_without_a_limit_the_shortest_effort_is_a_cubic_and_exact():
-    problem, _ = rest_to_rest(100.0, as_limit=True, intervals=10)
-    solution = solve(problem, Start(np.zeros((problem.grid.instants, 3))))
-    assert solution.cost == pytest.approx(6.0, rel=1e-9)
-
 SHARP = CollocationOptions(optimality=1e-11, violation=1e-10)
 ORDERS = pytest.mark.parametrize(("method", "order"), [("trapezoidal", 2), ("hermite_simpson", 4)])
 
@@ -68,13 +54,13 @@ def errors_of(make, method, counts):
 
 @ORDERS
 def test_free_oscillation_converges_with_the_order_of_the_method(method, order):
-    errors = np.array(list(errors_of(oscillator, method, (8, 16, 32))))
+    errors = np.array(list(errors_of(oscillator, method, (8, 16))))
     assert np.log2(errors[:-1] / errors[1:]) == pytest.approx(order, abs=0.15)
 
 
 @ORDERS
 def test_optimal_control_converges_with_the_order_of_the_method(method, order):
-    errors = np.array(list(errors_of(regulator, method, (16, 32, 64))))
+    errors = np.array(list(errors_of(regulator, method, (16, 32))))
     orders = np.log2(errors[:-1] / errors[1:])
     assert orders[:, 1] == pytest.approx(order, abs=0.2), "cost"
     assert orders[:, 0] == pytest.approx(order, abs=0.4), "trajectory"
@@ -98,31 +84,20 @@ def test_a_cubic_is_carried_exactly_to_a_finer_grid():
     assert resampled(solution, fine).z == pytest.approx(cubic(fine), abs=1e-12)
 
 
-def test_a_coarse_optimum_starts_the_fine_problem_better_than_nothing():
-    coarse, start, _ = pendulum(intervals=8)
-    fine, plain, stiffness = pendulum(intervals=24)
-    seed = resampled(solve(coarse, start), fine.grid)
-    carried, cold = solve(fine, seed), solve(fine, plain)
-    assert carried.cost == pytest.approx(cold.cost, rel=1e-6)
-    assert carried.history[0].violation < 0.01 * max(line.violation for line in cold.history)
-    assert carried.iterations <= cold.iterations
-    assert carried.p[0] == pytest.approx(stiffness, rel=1e-3)
-
-
-def test_an_advancing_period_and_another_duration_are_carried():
-    """x = s t + sin: values stay, rates scale with the ratio of durations."""
+def test_an_advancing_period_is_carried_and_another_duration_refused():
+    """x = s t + sin."""
     problem, _, _ = spring_mass(intervals=20)
-    old = Grid("hermite_simpson", 20, 2.0, periodic=True)
-    new = Grid("hermite_simpson", 40, 1.0, periodic=True)
+    old, new = (Grid("hermite_simpson", count, 2.0, periodic=True) for count in (20, 40))
     moving = TrajectoryProblem(problem.function, problem.layout, old, outputs=2, design=problem.design, advance=[3.0])
 
     def motion(grid):
-        rate, t = 2.0 * np.pi / grid.duration_s, grid.times_s
-        return np.stack([3.0 * t / grid.duration_s + np.sin(rate * t), 3.0 / grid.duration_s + rate * np.cos(rate * t),
-                         -rate**2 * np.sin(rate * t)], axis=1)
+        t = grid.times_s
+        return np.stack([1.5 * t + np.sin(np.pi * t), 1.5 + np.pi * np.cos(np.pi * t), -np.pi**2 * np.sin(np.pi * t)],
+                        axis=1)
 
     start = Start(motion(old), np.array([10.0]))
     solution = dataclasses.replace(solve(moving, start, CollocationOptions(iterations=1)), last=start)
     assert resampled(solution, new).z == pytest.approx(motion(new), rel=1e-3, abs=2e-3)
-    with pytest.raises(InputError, match="periodic"):
-        resampled(solution, Grid("hermite_simpson", 20, 2.0, periodic=False))
+    for other in (Grid("hermite_simpson", 20, 2.0, periodic=False), Grid("hermite_simpson", 20, 1.0)):
+        with pytest.raises(InputError, match="another duration"):
+            resampled(solution, other)

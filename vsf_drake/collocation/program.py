@@ -13,18 +13,9 @@ import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from pydrake import solvers
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.solvers import (
-    IpoptSolver,
-    IpoptSolverDetails,
-    LinearEqualityConstraint,
-    MathematicalProgram,
-    MathematicalProgramResult,
-    SnoptSolver,
-    SnoptSolverDetails,
-    SolverId,
-    SolverOptions,
-)
+from pydrake.solvers import IpoptSolver, MathematicalProgram, MathematicalProgramResult, SnoptSolver
 
 from vsf_drake.collocation.problem import TrajectoryProblem
 from vsf_drake.collocation.scaled import Linearised, Scaled
@@ -43,7 +34,7 @@ PADDING = (0, 20, 60, 180)
 SNOPT_ENDS = {TIME: "time", 31: "iterations", 32: "iterations"} | {code: "infeasible" for code in range(11, 17)}
 IPOPT_ENDS = {1: "iterations", 2: "time", 3: "time", 6: "infeasible"}
 LOOSER = 100.0  # IPOPT stops after some iterations at this times its tolerance and says so: an acceptable point
-PRESSED = 1e-6  # so near, in its scale, an inequality may press when a point is judged
+ACTIVE = 1e-6  # so near, in its scale, an inequality may be active when a point is judged
 
 Rows = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Of an instant's variables and p (Z + P,): some numbers (r,) and their derivatives (r, Z + P)."""
@@ -128,8 +119,8 @@ def program(problem: TrajectoryProblem | Scaled, *, probes: bool = True, padding
     x = whole.NewContinuousVariables(len(scaled.x_scale), "x")
     whole.AddBoundingBoxConstraint(scaled.low, scaled.high, x)
     for rows, columns in _grouped(scaled):
-        whole.AddConstraint(LinearEqualityConstraint(scaled.matrix[rows][:, columns].toarray(), scaled.right[rows]),
-                           x[columns])
+        matrix = scaled.matrix[rows][:, columns].toarray()
+        whole.AddConstraint(solvers.LinearEqualityConstraint(matrix, scaled.right[rows]), x[columns])
     whole.AddVisualizationCallback(instants.show, x)
     variables = [np.concatenate([x[i * size:(i + 1) * size], x[scaled.count:]]) for i in range(count)]
     for i, own in enumerate(variables if probes else ()):
@@ -172,12 +163,12 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, 
     """
     if solver not in SOLVERS:
         raise InputError(f"{solver!r} is no solver", where="solver", right=f"There are: {', '.join(SOLVERS)}")
-    began, scaled = time.perf_counter(), Scaled(problem)
+    scaled = Scaled(problem)
     x = scaled.start(start.z, start.p).x
     if solver == "ipopt":
         result = IpoptSolver().Solve(program(scaled), x, _ipopt(time_limit_s))
         details = result.get_solver_details()
-        assert isinstance(details, IpoptSolverDetails)
+        assert isinstance(details, solvers.IpoptSolverDetails)
         status = IPOPT_ENDS.get(int(details.status), "failed")
         message = f"IPOPT ends with status {details.status} ({details.ConvertStatusToString()})"
     else:
@@ -191,8 +182,7 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, 
     violation, where = scaled.worst(at)
     if status == "optimal" and violation > MOST_VIOLATION:
         status, message = "failed", f"{message}, yet {where} is broken by {violation:.2g} (scaled)"
-    return finished(scaled, at, status=status, message=message, optimality=_residual(scaled, at), solver=solver,
-                    began=began)
+    return finished(scaled, at, status=status, message=message, optimality=_residual(scaled, at))
 
 
 def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[MathematicalProgramResult, int]:
@@ -212,11 +202,11 @@ def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[Mathemat
 def _info(result: MathematicalProgramResult) -> int:
     """SNOPT's INFO."""
     details = result.get_solver_details()
-    assert isinstance(details, SnoptSolverDetails)
+    assert isinstance(details, solvers.SnoptSolverDetails)
     return int(details.info)
 
 
-def _ipopt(time_limit_s: float) -> SolverOptions:
+def _ipopt(time_limit_s: float) -> solvers.SolverOptions:
     """Of a search that begins near a solution, hence with a small barrier."""
     return _settings(IpoptSolver.id(), {
         "hessian_approximation": "limited-memory", "limited_memory_max_history": 50, "tol": OPTIMALITY,
@@ -227,8 +217,9 @@ def _ipopt(time_limit_s: float) -> SolverOptions:
         "bound_mult_init_method": "mu-based", "constr_mult_init_max": 1e10})
 
 
-def _settings(solver: SolverId, chosen: Mapping[str, float | int | str]) -> SolverOptions:
-    options = SolverOptions()
+def _settings(solver: solvers.SolverId, chosen: Mapping[str, float | int | str]
+              ) -> solvers.SolverOptions:
+    options = solvers.SolverOptions()
     for name, value in chosen.items():
         options.SetOption(solver, name, value)
     return options
@@ -238,5 +229,5 @@ def _residual(scaled: Scaled, at: Linearised) -> float:
     """First-order residual at a point, with the multipliers of the step that would follow."""
     slacks, usual = scaled.slacks(at), max(float(np.mean(at.diagonal)), 1e-8)
     kkt = Kkt(scaled, at, np.full(len(at.x), 1e-3 * usual))
-    step = find_step(kkt, equations=at.equations, slacks=slacks, likely=np.flatnonzero(slacks < PRESSED))
+    step = find_step(kkt, equations=at.equations, slacks=slacks, likely=np.flatnonzero(slacks < ACTIVE))
     return optimality(scaled, at, step)

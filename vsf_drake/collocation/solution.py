@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,7 +36,8 @@ class Iteration:
 
 @dataclass(frozen=True, eq=False)
 class TrajectorySolution:
-    """The last iterate of a search and what is known of it. Reading `z`, `p`, `y` or `cost` demands an optimum.
+    """The last iterate of a search and what is known of it. Reading `z`, `p`, `y` or `cost` demands an optimum; `last`,
+    `last_y` and `last_cost` do not.
 
     `status` is "optimal" (the first-order conditions of a local optimum hold), "infeasible" (no point nearby satisfies
     equations and limits), "stalled" (no step improves on the last point, yet the conditions do not hold), "iterations"
@@ -48,18 +47,14 @@ class TrajectorySolution:
     problem: TrajectoryProblem
     status: str
     message: str  # why it ended, in words
-    last: Start  # the last iterate, whatever it is worth: to begin from again
+    last: Start
     last_cost: float
     terms: dict[str, float]  # of the cost there, by name
     violation: float  # largest of an equation, limit or bound, scaled
-    worst: str  # where that is
     optimality: float  # first-order residual, scaled; NaN if unknown
     at_bound: tuple[str, ...]  # design parameters on a bound
-    solver: str
     evaluations: int
-    wall_s: float
     history: tuple[Iteration, ...] = ()
-    is_unsealed: bool = False  # whether a point that is no optimum may be read
 
     @property
     def iterations(self) -> int:
@@ -70,10 +65,6 @@ class TrajectorySolution:
     def success(self) -> bool:
         """Whether it is an optimum."""
         return self.status == "optimal"
-
-    def unsealed(self) -> TrajectorySolution:
-        """The same, readable although it may be no optimum."""
-        return dataclasses.replace(self, is_unsealed=True)
 
     @property
     def z(self) -> np.ndarray:
@@ -87,54 +78,50 @@ class TrajectorySolution:
 
     @property
     def cost(self) -> float:
-        """The cost."""
         self._read()
         return self.last_cost
 
     def y(self) -> np.ndarray:
         """(N, m) outputs of the instants, evaluated anew."""
-        point = self._read()
-        return np.asarray(self.problem.function.evaluate(point.z, point.p))
+        self._read()
+        return self.last_y()
+
+    def last_y(self) -> np.ndarray:
+        """The same, optimum or not."""
+        return np.asarray(self.problem.function.evaluate(self.last.z, self.last.p))
 
     def _read(self) -> Start:
-        if not (self.success or self.is_unsealed):
-            raise FitError(f"this is no optimum ({self.message}); ask for .unsealed() to read it all the same")
+        if not self.success:
+            raise FitError(f"this is no optimum ({self.message}); what begins with `last` can be read all the same")
         return self.last
 
 
-def finished(scaled: Scaled, at: Point, *, status: str, message: str, optimality: float, solver: str, began: float,
+def finished(scaled: Scaled, at: Point, *, status: str, message: str, optimality: float,
              history: tuple[Iteration, ...] = ()) -> TrajectorySolution:
-    """The solution object of a last point, whatever its worth; began: of `time.perf_counter`."""
-    problem, (violation, where) = scaled.problem, scaled.worst(at)
-    n = scaled.count
+    """The solution object of a last point, whatever its worth."""
+    problem, n = scaled.problem, scaled.count
     near = np.minimum(at.x - scaled.low, scaled.high - at.x)[n:] <= ON_BOUND
     return TrajectorySolution(
         problem=problem, status=status, message=message, last=Start(*scaled.unscaled(at.x)),
-        last_cost=at.cost * problem.cost_scale, terms=dict(at.terms), violation=violation, worst=where,
-        optimality=optimality, solver=solver, evaluations=scaled.evaluations, wall_s=time.perf_counter() - began,
+        last_cost=at.cost * problem.cost_scale, terms=dict(at.terms), violation=scaled.worst(at)[0],
+        optimality=optimality, evaluations=scaled.evaluations,
         at_bound=tuple(np.array(problem.design.names, dtype=object)[near & ~scaled.fixed[n:]]), history=history)
 
 
-# Starts carried to another grid.
-
-
 def resampled(solution: TrajectorySolution, grid: Grid) -> Start:
-    """A search's last iterate on another grid, to begin there: q and v as cubics with the rates they have, the rest by
-    splines. Another duration stretches time: values stay, v and u scale with the ratio of durations, a with its square.
-    """
+    """A search's last iterate on another grid of the same duration, to begin there: q and v as cubics with the rates
+    they have, the rest by splines."""
     problem, z, old = solution.problem, solution.last.z, solution.problem.grid
-    if old.periodic != grid.periodic:
-        raise InputError("one grid is periodic and the other is not", where="grid")
-    layout, ratio, times = problem.layout, old.duration_s / grid.duration_s, old.times_s
+    if (old.periodic, old.duration_s) != (grid.periodic, grid.duration_s):
+        raise InputError("is of another duration, or only one of both is periodic", where="grid")
+    layout, times = problem.layout, old.times_s
     if old.periodic:
         z, times = np.vstack([z, z[:1]]), np.append(times, old.duration_s)
         z[-1, layout.q] += problem.advance
-    at = np.clip(grid.times_s * ratio, 0.0, old.duration_s)
+    at = np.minimum(grid.times_s, old.duration_s)
     z_new = np.empty((len(at), layout.size))
     z_new[:, layout.q] = CubicHermiteSpline(times, z[:, layout.q], z[:, layout.v])(at)
-    z_new[:, layout.v] = CubicHermiteSpline(times, z[:, layout.v], z[:, layout.a])(at) * ratio
+    z_new[:, layout.v] = CubicHermiteSpline(times, z[:, layout.v], z[:, layout.a])(at)
     rest = slice(layout.a.start, layout.size)
     z_new[:, rest] = CubicSpline(times, z[:, rest], bc_type="periodic" if old.periodic else "not-a-knot")(at)
-    z_new[:, layout.a] *= ratio**2
-    z_new[:, layout.u] *= ratio
     return Start(z_new, solution.last.p)

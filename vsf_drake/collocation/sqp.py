@@ -35,7 +35,7 @@ SLOW, NEAR, WAIT, SHIFTS = 4, 1e-2, 5, 3
 """Gauss-Newton is slow if this many iterations do not divide the first-order residual by ten; with violation and
 residual this small the outputs' curvature may help; if it did not, it is tried again after so many iterations. So
 often the damping grows tenfold to make the exact Hessian convex."""
-MENDINGS = 20  # steps that a search which is stuck may take toward the equations and limits alone
+RESTORATIONS = 20  # steps that a search which is stuck may take toward the equations and limits alone
 FLAT = 1e-3  # damping of a variable that hardly enters the cost, as a part of what it is for the average variable
 
 
@@ -68,7 +68,7 @@ def solve(problem: TrajectoryProblem, start: Start, options: CollocationOptions 
     except KeyboardInterrupt:
         status, message = "interrupted", f"interrupted after {len(search.history)} iterations"
     return finished(search.scaled, search.at, status=status, message=message, optimality=search.optimality,
-                    solver="gauss_newton_sqp", began=search.began, history=tuple(search.history))
+                    history=tuple(search.history))
 
 
 class _SqpSearch:
@@ -95,18 +95,18 @@ class _SqpSearch:
         for number in range(options.iterations + 1):
             kkt, step = self._find()
             self.optimality = optimality(self.scaled, self.at, step)
-            broken = float(self.scaled.violations(self.at).max(initial=0.0))
+            violation = float(self.scaled.violations(self.at).max(initial=0.0))
             change = np.abs(step.change).max(initial=0.0)
-            self._note(number, broken, step)
+            self._note(number, violation, step)
 
             # Feasible, stationary, and at rest: where the cost is flat a small slope alone says little.
-            if broken <= options.violation and self.optimality <= options.optimality and (
+            if violation <= options.violation and self.optimality <= options.optimality and (
                     change <= STEP or abs(step.predicted) <= GAIN * (1.0 + abs(self.at.cost))):
                 return "optimal", "first-order conditions hold"
 
             # Multipliers beyond all bounds, or a violation that stays, are those of conditions that cannot be met.
-            least, since = (broken, 0) if broken < max(0.9 * least, TRADING) else (least, since + 1)
-            if broken > options.violation and (since > WASTED or np.abs(step.multipliers).max(initial=0.0) > LOST):
+            least, since = (violation, 0) if violation < max(0.9 * least, TRADING) else (least, since + 1)
+            if violation > options.violation and (since > WASTED or np.abs(step.multipliers).max(initial=0.0) > LOST):
                 return self._stuck("the violation no longer falls")
             if number == options.iterations:
                 return "iterations", f"{number} iterations were not enough"
@@ -151,7 +151,7 @@ class _SqpSearch:
         return Kkt(self.scaled, at, self.damping * self.share * np.clip(self.curve, FLAT * usual, usual))
 
     def _step(self, kkt: Kkt) -> Step:
-        likely = np.zeros(0, dtype=int) if self.step is None else self.step.pressed
+        likely = np.zeros(0, dtype=int) if self.step is None else self.step.active
         self.step = find_step(kkt, equations=self.at.equations, slacks=self.scaled.slacks(self.at), likely=likely)
         return self.step
 
@@ -161,7 +161,7 @@ class _SqpSearch:
             # weights rise to the multipliers of the step; those fade that were too large (Powell 1978)
             size = np.zeros_like(self.weights)
             size[:len(step.multipliers)] = np.abs(step.multipliers)
-            size[len(step.multipliers) + step.pressed] = step.pressure
+            size[len(step.multipliers) + step.active] = step.duals
             self.weights = np.maximum(1.1 * size, 0.5 * (self.weights + size))
             if self._try(kkt, step):
                 return True
@@ -218,7 +218,7 @@ class _SqpSearch:
         # c(x + d) - A d in place of c(x): a step that meets this leaves of the curved equations what is of third order.
         bent = full.equations - np.einsum("nez,nz->ne", at.by_z[:, :conditions], z) - at.by_p[:, :conditions] @ p
         slacks = scaled.slacks(full) - slack_changes(scaled, at, step.change)
-        again = find_step(kkt, equations=bent, slacks=slacks, likely=step.pressed)
+        again = find_step(kkt, equations=bent, slacks=slacks, likely=step.active)
         return scaled.linearised(self._moved(again.change))
 
     def _moved(self, change: np.ndarray) -> np.ndarray:
@@ -233,21 +233,21 @@ class _SqpSearch:
         return True
 
     def _stuck(self, why: str) -> tuple[str, str]:
-        broken, where = self.scaled.worst(self.at)
-        if broken <= self.options.violation:
+        violation, where = self.scaled.worst(self.at)
+        if violation <= self.options.violation:
             return "stalled", f"{why}, with a first-order residual of {self.optimality:.2g}"
-        mended = self._mended()
-        if self.scaled.violations(mended).max() <= NEAR * broken:
-            return "stalled", f"{why}: {where} is broken by {broken:.2g} (scaled)"
+        restored = self._restored()
+        if self.scaled.violations(restored).max() <= NEAR * violation:
+            return "stalled", f"{why}: {where} is broken by {violation:.2g} (scaled)"
         # Restoring feasibility alone got no nearer either.
-        self.at = mended
-        broken, where = self.scaled.worst(mended)
-        return "infeasible", f"no step mends what {where} is broken by {broken:.2g} (scaled)"
+        self.at = restored
+        violation, where = self.scaled.worst(restored)
+        return "infeasible", f"no step mends what {where} is broken by {violation:.2g} (scaled)"
 
-    def _mended(self) -> Linearised:
+    def _restored(self) -> Linearised:
         """The point to which the shortest steps that fulfil the linearised conditions lead while violations fall."""
         scaled, at, likely = self.scaled, self.at, np.zeros(0, dtype=int)
-        for _ in range(MENDINGS):
+        for _ in range(RESTORATIONS):
             own, mixed, shared = at.hessian
             bare = dataclasses.replace(at, gradient=0.0 * at.gradient, hessian=(0.0 * own, 0.0 * mixed, 0.0 * shared))
             step = find_step(Kkt(scaled, bare, self.share), equations=at.equations, slacks=scaled.slacks(at),
@@ -260,13 +260,13 @@ class _SqpSearch:
                     break
             else:
                 break
-            at, likely = near, step.pressed
+            at, likely = near, step.active
         return at
 
-    def _note(self, number: int, broken: float, step: Step) -> None:
+    def _note(self, number: int, violation: float, step: Step) -> None:
         self.history.append(Iteration(
-            number=number, cost=self.at.cost * self.scaled.problem.cost_scale, violation=broken,
-            optimality=self.optimality, active=len(step.pressed), exact=self.exact))
+            number=number, cost=self.at.cost * self.scaled.problem.cost_scale, violation=violation,
+            optimality=self.optimality, active=len(step.active), exact=self.exact))
         if self.progress is not None:
             self.progress(self.history[-1])
 
@@ -288,9 +288,9 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     n, y_scale = len(at.x), scaled.problem.y_scale
 
     # c: slopes of the cost, multipliers of the equations, and of the limits those from above less those from below.
-    pressure = np.zeros(2 * n + 2 * at.limited.size)
-    pressure[step.pressed] = step.pressure
-    low, high = pressure[2 * n:].reshape(2, *at.limited.shape)
+    duals = np.zeros(2 * n + 2 * at.limited.size)
+    duals[step.active] = step.duals
+    low, high = duals[2 * n:].reshape(2, *at.limited.shape)
     multipliers = np.hstack([step.multipliers[len(at.linear):].reshape(at.equations.shape), high - low])
     forces = scaled.slopes(at.y)[0]
     np.add.at(forces.T, scaled.which, (multipliers / y_scale[scaled.which]).T)
@@ -321,12 +321,12 @@ def with_curvature(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
 def stiffened(scaled: Scaled, at: Linearised, step: Step) -> Linearised:
     """With weight/2 (slack)^2 added for what presses: nothing changes where it goes on pressing, yet the Hessian is
     convex across bounds and limits that hold, so that only directions that are free must be so."""
-    if not len(step.pressed):
+    if not len(step.active):
         return at
     own, mixed, shared = at.hessian
 
     # H += w b b', g += w b s for a slack s with slope b: a spring that is at rest where the slack is 0.
-    across, slacks = normals(scaled, at, step.pressed), scaled.slacks(at)[step.pressed]
+    across, slacks = normals(scaled, at, step.active), scaled.slacks(at)[step.active]
     weight = STIFF * np.abs(at.diagonal).max(initial=0.0)
     by_z, by_p = scaled.split(across)
     hessian = (own + weight * (by_z @ by_z.transpose(0, 2, 1)), mixed + weight * (by_z @ by_p.T),

@@ -20,8 +20,8 @@ from vsf_drake.collocation.scaled import Linearised, Scaled
 SOFT = 1e-10  # e: keeps dependent equations from making the matrix singular; what it changes is refined away
 REFINEMENTS, POOR = 5, 1e-10
 """Most rounds of refinement, and the relative residual above which diagonal pivots have failed."""
-ROUNDS, AT_ONCE, BROKEN = 40, 200, 1e-10
-MOST_PRESSURE = 1e6  # of the l1 penalty at which inequalities may be broken within a step
+ROUNDS, AT_ONCE, VIOLATED = 40, 200, 1e-10
+MOST_DUAL = 1e6  # of the l1 penalty at which inequalities may be broken within a step
 
 
 class Kkt:
@@ -136,8 +136,8 @@ class Step:
 
     change: np.ndarray  # (N Z + P,) of x
     multipliers: np.ndarray  # (L + N E,) of the equations
-    pressed: np.ndarray  # indices of inequalities (see `Scaled.slacks`) with a multiplier
-    pressure: np.ndarray  # those, > 0
+    active: np.ndarray  # indices of inequalities (see `Scaled.slacks`) with a multiplier
+    duals: np.ndarray  # those, > 0
     pull: np.ndarray  # (N Z + P,) what the inequalities add to the gradient of the Lagrangian
     predicted: float  # decrease of the cost in the quadratic model, without damping
 
@@ -176,15 +176,15 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np
     scaled, at, n = kkt.scaled, kkt.at, kkt.variables
 
     # d0, which no inequality holds, and the slacks that it would leave.
-    aim = np.concatenate([-at.gradient * kkt.free, -at.linear, -equations.ravel()])
-    base = kkt.solve(aim)
+    right_side = np.concatenate([-at.gradient * kkt.free, -at.linear, -equations.ravel()])
+    base = kkt.solve(right_side)
     still = slack_changes(scaled, at, base[:n])
 
-    # Inequalities join until none is broken. Those of the set have slacks s + B'd0 + B'W l, s the given ones, so that l
-    # solves
-    #     minimise  1/2 l' (B'W) l + (s + B'd0)' l      subject to  0 <= l <= MOST_PRESSURE
-    which, pressure = likely[np.isfinite(slacks[likely])], np.zeros(0)
-    answers, slopes, unknowns = np.zeros((kkt.size, 0)), np.zeros((n, 0)), base  # W, B, d0 + W l
+    # Inequalities join until none is violated. Those of the set have slacks s + B'd0 + B'W l, s the given ones, so
+    # that l solves
+    #     minimise  1/2 l' (B'W) l + (s + B'd0)' l      subject to  0 <= l <= MOST_DUAL
+    which, duals = likely[np.isfinite(slacks[likely])], np.zeros(0)
+    W, B, unknowns = np.zeros((kkt.size, 0)), np.zeros((n, 0)), base  # the last d0 + W l
     new, after = which, slacks + still
     for _ in range(ROUNDS):
         if len(new):
@@ -192,21 +192,21 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np
             right = np.zeros((kkt.size, len(new)))
             right[:n] = added
             # W unrefined: these may be many columns, and `_sharpened` mends what is held in the end.
-            answers, slopes = np.hstack([answers, kkt.roughly(right)]), np.hstack([slopes, added])
-            matrix = slopes.T @ answers[:n]
-            start = np.concatenate([pressure, np.zeros(len(which) - len(pressure))])
-            pressure = box_minimum(0.5 * (matrix + matrix.T), slacks[which] + still[which], MOST_PRESSURE, start)
-            unknowns = base + answers @ pressure
+            W, B = np.hstack([W, kkt.roughly(right)]), np.hstack([B, added])
+            matrix = B.T @ W[:n]
+            start = np.concatenate([duals, np.zeros(len(which) - len(duals))])
+            duals = box_minimum(0.5 * (matrix + matrix.T), slacks[which] + still[which], MOST_DUAL, start)
+            unknowns = base + W @ duals
             after = slacks + slack_changes(scaled, at, unknowns[:n])
-        broken = np.setdiff1d(np.flatnonzero(np.isfinite(slacks) & (after < -BROKEN)), which)
-        if not len(broken):
+        violated = np.setdiff1d(np.flatnonzero(np.isfinite(slacks) & (after < -VIOLATED)), which)
+        if not len(violated):
             break
-        # The set only grows: what need not press is given the pressure 0.
-        new = broken[np.argsort(after[broken])[:AT_ONCE]]
+        # The set only grows: what need not press is given the duals 0.
+        new = violated[np.argsort(after[violated])[:AT_ONCE]]
         which = np.concatenate([which, new])
-    held = pressure > 0.0
+    held = duals > 0.0
     if held.any():
-        unknowns, pressure = _sharpened(kkt, aim, slopes, answers, pressure, slacks[which])
+        unknowns, duals = _sharpened(kkt, right_side, B, W, duals, slacks[which])
 
     # What the model promises: -(g'd + 1/2 d'H d), by blocks.
     change = unknowns[:n]
@@ -214,29 +214,29 @@ def find_step(kkt: Kkt, *, equations: np.ndarray, slacks: np.ndarray, likely: np
     z, p = scaled.split(change)
     curved = (np.einsum("nz,nzy,ny->", z, own, z, optimize=True) + 2.0 * np.einsum("nz,nzp,p->", z, mixed, p)
               + p @ shared @ p)
-    return Step(change=change, multipliers=unknowns[n:], pressed=which[held], pressure=pressure[held],
-                pull=-slopes[:, held] @ pressure[held], predicted=float(-at.gradient @ change - 0.5 * curved))
+    return Step(change=change, multipliers=unknowns[n:], active=which[held], duals=duals[held],
+                pull=-B[:, held] @ duals[held], predicted=float(-at.gradient @ change - 0.5 * curved))
 
 
-def _sharpened(kkt: Kkt, aim: np.ndarray, slopes: np.ndarray, answers: np.ndarray, pressure: np.ndarray,
+def _sharpened(kkt: Kkt, right_side: np.ndarray, B: np.ndarray, W: np.ndarray, duals: np.ndarray,
                slacks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The unknowns with the refined solve, and pressures with which what presses is held to rounding."""
-    n, tight = len(slopes), (pressure > 0.0) & (pressure < MOST_PRESSURE)
-    matrix = slopes[:, tight].T @ answers[:n, tight]
+    """The unknowns with the refined solve, and duals with which what presses is held to rounding."""
+    n, tight = len(B), (duals > 0.0) & (duals < MOST_DUAL)
+    matrix = B[:, tight].T @ W[:n, tight]
     for last in (False, True):
-        right = aim.copy()
-        right[:n] += slopes @ pressure
+        right = right_side.copy()
+        right[:n] += B @ duals
         unknowns = kkt.solve(right)
-        off = (slacks + slopes.T @ unknowns[:n])[tight]
-        if last or np.abs(off).max(initial=0.0) <= BROKEN:
+        off = (slacks + B.T @ unknowns[:n])[tight]
+        if last or np.abs(off).max(initial=0.0) <= VIOLATED:
             break
-        # Slacks that are left grow by (B'W) dl: one Newton step brings them to 0, unless a pressure would turn.
-        better = pressure[tight] - np.linalg.lstsq(matrix, off, rcond=1e-12)[0]
+        # Slacks that are left grow by (B'W) dl: one Newton step brings them to 0, unless a duals would turn.
+        better = duals[tight] - np.linalg.lstsq(matrix, off, rcond=1e-12)[0]
         if not (better > 0.0).all():
             break
-        pressure = pressure.copy()
-        pressure[tight] = better
-    return unknowns, pressure
+        duals = duals.copy()
+        duals[tight] = better
+    return unknowns, duals
 
 
 def optimality(scaled: Scaled, at: Linearised, step: Step) -> float:
@@ -251,8 +251,8 @@ def optimality(scaled: Scaled, at: Linearised, step: Step) -> float:
     slope[:scaled.count] += np.einsum("nez,ne->nz", at.by_z[:, :scaled.equations], of_instants).ravel()
     slope[scaled.count:] += np.einsum("nep,ne->p", at.by_p[:, :scaled.equations], of_instants)
     slope[scaled.fixed] = 0.0
-    apart = step.pressure * scaled.slacks(at)[step.pressed]
-    largest = max(np.abs(step.multipliers).max(initial=0.0), step.pressure.max(initial=0.0))
+    apart = step.duals * scaled.slacks(at)[step.active]
+    largest = max(np.abs(step.multipliers).max(initial=0.0), step.duals.max(initial=0.0))
     return float(max(np.abs(slope).max(initial=0.0), np.abs(apart).max(initial=0.0)) / (1.0 + largest))
 
 

@@ -233,7 +233,7 @@ KINDS = {
 
 def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
     """KINDS of a solved stride; the changes are from the recording."""
-    y, index, reference = solution.unsealed().y(), stride.function.index, stride.reference
+    y, index, reference = solution.last_y(), stride.function.index, stride.reference
     mass, weight = stride.model.subject.mass_kg, stride.model.weight
 
     def column(name: str) -> np.ndarray:
@@ -462,12 +462,12 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
 
 def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
     """The content of `tuning.npz`: motion, torque (N m) and force (N) over the phase, recorded and re-simulated."""
-    stride, best = result.search.stride, result.shown.unsealed()
-    function, grid, reference, y = stride.function, stride.grid, stride.reference, best.y()
+    stride, best, y = result.search.stride, result.shown.last, result.shown.last_y()
+    function, grid, reference = stride.function, stride.grid, stride.reference
     torque = function.starting_with("torque_")
     arrays = {"phase": grid.times_s / grid.duration_s, "names": np.array(function.layout.coordinates),
               "q": best.z[:, function.layout.q], "q_recorded": reference.q, "torque": y[:, torque],
-              "torque_recorded": result.tracked.unsealed().y()[:, torque], "tracked_z": result.tracked.last.z,
+              "torque_recorded": result.tracked.last_y()[:, torque], "tracked_z": result.tracked.last.z,
               "tracked_p": result.tracked.last.p, "best_z": best.z, "best_p": best.p}
     for foot, force in reference.force.items():
         arrays[f"grf_{foot}"] = y[:, function.index(f"{foot}_fx", f"{foot}_fz")]
