@@ -9,7 +9,6 @@ from vsf_drake.analysis.tuning.level1.costs import (
     WalkLoads,
     deviation,
     joint_load,
-    mean_square,
     metabolic,
     positive_part,
     push_off,
@@ -33,8 +32,7 @@ def signal(*values):
 
 
 def loads(*, force=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0), joints=(0.0, 0.0), socket=(0.0,) * 6):
-    return WalkLoads(ground=signal(*moment, *force), joints=signal(*joints), socket=signal(*socket),
-                     pelvis=np.zeros((N, 3)))
+    return WalkLoads(ground=signal(*moment, *force), joints=signal(*joints), socket=signal(*socket))
 
 
 def frame(*, rates=(0.0, 0.0), twist=(0.0,) * 6, own=None, plate=None):
@@ -98,12 +96,6 @@ def test_the_positive_part_is_exact_but_for_a_quarter_of_its_width_at_zero():
     assert part == pytest.approx(np.maximum(power, 0.0), abs=0.25)
     ahead, behind = (positive_part(power[:, None] + side, 1.0)[:, 0] for side in (1e-5, -1e-5))
     assert slope == pytest.approx((ahead - behind) / 2e-5, abs=1e-5)
-
-
-def test_a_mean_square_counts_each_instant_by_its_weight():
-    value, by = mean_square(np.array([[[1.0, 1.0]], [[3.0, 0.0]]]), np.array([0.1, 0.3]), 2.0)
-    assert value == pytest.approx((0.1 * 1.0 + 0.3 * 9.0) / 2.0)
-    assert by == pytest.approx(2.0 * 0.1 * 1.0 / 2.0)
 
 
 @pytest.mark.parametrize("margin_s", [0.0, 0.03])

@@ -17,10 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.errors import InputError
+from vsf_drake.laws import kelvin_voigt
 from vsf_drake.laws.kelvin_voigt import smooth_step
 from vsf_drake.laws.smooth_contact import rounded_positive_part
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.plants.foot import set_mount
+from vsf_drake.schema import check, quantity
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion, PlanarTree, planar_tree, turned
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
@@ -216,7 +218,7 @@ def spring_forces(
 SOLE_BLEND = 2e-3  # m over which the lowest of a foot's spheres is blended from one to the next; a choice
 _ROUNDING = 9  # digits (m) to which two places are one
 _NORMAL = ("stiffness", "exponent", "damping", "full_damping_depth")
-_FRICTION = ("mu_static", "mu_kinetic", "threshold_velocity")
+FRICTION_CORNER = 0.2  # half-width of the corner at the threshold, over that
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,14 +281,24 @@ def normal(
     """(s, ...) N at depths (m) and their rates (m/s); `heel` scales the heel's stiffness."""
     law = {name: tall(spheres.columns[name], depth) for name in _NORMAL}
     law["stiffness"] = law["stiffness"] * np.where(tall(spheres.heel, depth), heel, 1.0)
-    force = normal_force(depth, rate, **law, smoothing=smoothing)
+    law["damping"] = smoothing.damping * law["damping"]
+    force = kelvin_voigt.normal_force(rounded_positive_part(depth, smoothing.depth_m),
+                                      rounded_positive_part(rate, smoothing.rate_m_per_s), **law)
     return np.asarray(tall(spheres.count, depth) * force)
 
 
 def friction(spheres: Spheres, slip: np.ndarray, smoothing: Smoothing) -> np.ndarray:
-    """(s, ...) coefficients of the friction -coefficient fz."""
-    return friction_coefficient(slip, **{name: tall(spheres.columns[name], slip) for name in _FRICTION},
-                                smoothing=smoothing)
+    """(s, ...) coefficients of the friction -coefficient fz at slips (m/s), odd in them: linear as the stepper's law up
+    to 0.8 of the threshold, flat at mu_static from 1.2 of it.
+
+    Between them it is rounded, and by up to 0.0375 mu_static lower than the law with its corner at the threshold.
+    The law's fall to `mu_kinetic` beyond the threshold is left out, since a falling curve has solutions that a search
+    by gradients jumps between; a foot that slides faster is held by up to mu_static / mu_kinetic too much.
+    """
+    mu_static, threshold = (tall(spheres.columns[name], slip) for name in ("mu_static", "threshold_velocity"))
+    u = slip / np.maximum(threshold, smoothing.friction_velocity_m_per_s)
+    return np.asarray(mu_static * (u - rounded_positive_part(u - 1.0, FRICTION_CORNER)
+                                   + rounded_positive_part(-u - 1.0, FRICTION_CORNER)))
 
 
 def wrenches(at: Touch, fz: np.ndarray, coefficient: np.ndarray) -> np.ndarray:
@@ -329,21 +341,16 @@ class Smoothing:
     damping's 3/16 rate_m_per_s at full depth: a foot at rest is held by that as well.
     """
 
-    depth_m: float = 1e-3
+    depth_m: float = quantity(1e-3, unit="m", low=1e-6, high=10.0, source="choice")
     """Half-width of the corner where a sphere touches the ground; largest error of the depth is 3/16 of it."""
-    rate_m_per_s: float = 0.02  # the same of the corner where damping begins
-    friction_velocity_m_per_s: float = 0.1
+    rate_m_per_s: float = quantity(0.02, unit="m/s", low=1e-6, high=10.0, source="choice")
+    """The same of the corner where damping begins."""
+    friction_velocity_m_per_s: float = quantity(0.1, unit="m/s", low=1e-6, high=10.0, source="choice")
     """Slip at which friction reaches its static coefficient; never below the model's own."""
-    damping: float = 1.0
-    """Share of the contact's damping."""
+    damping: float = quantity(1.0, unit="1", low=0.0, high=1.0, source="choice")  # share of the contact's damping
 
     def __post_init__(self) -> None:
-        for name in ("depth_m", "rate_m_per_s", "friction_velocity_m_per_s"):
-            value = getattr(self, name)
-            if not 1e-6 <= value <= 10.0:
-                raise InputError(f"{value!r} is not usable", where=f"smoothing.{name}", right="At least 1e-06")
-        if not 0.0 <= self.damping <= 1.0:
-            raise InputError(f"{self.damping!r} is not usable", where="smoothing.damping", right="From 0 to 1")
+        check(self, where="smoothing.")
 
 
 def positive_part_integral(x: np.ndarray, width: float) -> np.ndarray:
@@ -352,34 +359,3 @@ def positive_part_integral(x: np.ndarray, width: float) -> np.ndarray:
     square = t * t
     inside = (width * width / 80.0) * square * square * (5.0 - t)
     return np.where(x.real >= width, 0.5 * x * x + 0.1 * width * width, np.where(x.real <= -width, 0.0, inside))
-
-
-def normal_force(
-    depth: np.ndarray, rate: np.ndarray, *, stiffness: np.ndarray, exponent: np.ndarray, damping: np.ndarray,
-    full_damping_depth: np.ndarray, smoothing: Smoothing
-) -> np.ndarray:
-    """Modified Kelvin-Voigt force (N), see `laws.kelvin_voigt`, of smoothed depth (m) and depth rate (m/s)."""
-    d = rounded_positive_part(depth, smoothing.depth_m)
-    touching = d.real > 0.0
-    force = stiffness * np.exp(exponent * np.log(np.where(touching, d, 1.0)))
-    if smoothing.damping > 0.0:
-        closing = rounded_positive_part(rate, smoothing.rate_m_per_s)
-        force = force + smoothing.damping * damping * smooth_step(d / full_damping_depth) * closing
-    return np.where(touching, force, 0.0)
-
-
-def friction_coefficient(
-    slip: np.ndarray, *, mu_static: np.ndarray, mu_kinetic: np.ndarray, threshold_velocity: np.ndarray,
-    smoothing: Smoothing
-) -> np.ndarray:
-    """Odd in slip (m/s): linear as the stepper's law up to 0.8 of the threshold, flat at mu_static from 1.2 of it.
-
-    Between them it is rounded, and by up to 0.0375 mu_static lower than the law with its corner at the threshold.
-    The law's fall to `mu_kinetic` beyond the threshold is left out, since a falling curve has solutions that a search
-    by gradients jumps between; a foot that slides faster is held by up to mu_static / mu_kinetic too much.
-    """
-    threshold = np.maximum(threshold_velocity, smoothing.friction_velocity_m_per_s)
-    corner = 0.2
-    u = slip / threshold
-    ramp = u - rounded_positive_part(u - 1.0, corner) + rounded_positive_part(-u - 1.0, corner)
-    return np.asarray(mu_static * ramp)

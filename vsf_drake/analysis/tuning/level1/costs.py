@@ -18,7 +18,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial
-from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES
+from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.reactions import follow, sum_sites
 from vsf_drake.simulation.walk import Walk, Walker
 
@@ -50,7 +50,6 @@ class WalkLoads:
     ground: np.ndarray  # (n, 6, 1 + P) of the ground on the prosthetic foot: moment (N m) about W's origin, force (N)
     joints: np.ndarray  # (n, J, 1 + P) N m, moments of the driver at the joints asked for, in the coordinates' signs
     socket: np.ndarray  # (n, 6, 1 + P) N, N m of the bushing: tx, ty, tz, flexion, adduction, rotation
-    pelvis: np.ndarray  # (n, 3) N at the pelvis' translations (OpenSim's axes): what no muscle makes
 
     @property
     def grf(self) -> np.ndarray:
@@ -66,15 +65,14 @@ def walk_loads(
     `by` has the derivatives (Q, P) of the walk's `with_respect_to`, made `with_loads`, by the design variables, if any.
     """
     record, tree = walk.record, walk.mechanism.tree
-    columns, pelvis = ([tree.index(name) for name in names] for names in (joints, PELVIS_COORDINATES[:3]))
+    columns = [tree.index(name) for name in joints]
     wrench = sum_sites(record.sites[:, :len(walker.gait.person.foot.sites.radius)])
-    parts = [value[:, :, None] for value in (wrench, record.load[:, columns], walk.socket_wrench,
-                                             record.load[:, pelvis])]
+    parts = [value[:, :, None] for value in (wrench, record.load[:, columns], walk.socket_wrench)]
     if by is not None:
         loads = walk.load_sensitivity
         assert loads is not None
         slopes = (record.wrench_by, loads.load[:, columns], loads.socket)
-        parts[:3] = [np.concatenate([part, slope @ by], axis=2) for part, slope in zip(parts[:3], slopes, strict=True)]
+        parts = [np.concatenate([part, slope @ by], axis=2) for part, slope in zip(parts, slopes, strict=True)]
 
     # From moments about the ground's height h to ones about W's origin: M_O = M_h + (0, 0, h) x F.
     parts[0][:, 0] -= walk.mechanism.ground_height * parts[0][:, 4]
@@ -84,8 +82,7 @@ def walk_loads(
     flat = low_pass(np.column_stack([part.reshape(len(part), -1) for part in parts]), rate_hz=1.0 / walk.step_s,
                     cutoff_hz=cutoff_hz)
     smooth = np.split(flat, np.cumsum([part[0].size for part in parts])[:-1], axis=1)
-    ground, moments, socket, rest = (series.reshape(part.shape) for series, part in zip(smooth, parts, strict=True))
-    return WalkLoads(ground=ground, joints=moments, socket=socket, pelvis=rest[:, :, 0])
+    return WalkLoads(*(series.reshape(part.shape) for series, part in zip(smooth, parts, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,8 +32,7 @@ KINDS = {
     "loading_rate": ("loading rate of the vertical force", "BW/s"),
     "socket_force": ("peak force on the residual limb", "BW"),
     "socket_moment": ("peak moment on the residual limb", "N m/kg"),
-    "force_change": ("change of the ground reaction force from the recorded setting, RMS", "BW"),
-    "pelvis_residual": ("force at the pelvis that no leg makes, RMS over stance", "BW")}
+    "force_change": ("change of the ground reaction force from the recorded setting, RMS", "BW")}
 """What a person and a device would notice of a setting: label and unit."""
 RISE = (0.2, 0.8)  # shares of the first peak between which the loading rate is taken (a choice)
 
@@ -184,7 +183,6 @@ def outcomes(part: TrialTuning, result: SettingOutcome, *, energies: bool = True
     moments = np.abs(loads.joints[inside, :, 0] / frame.mass_kg).max(axis=0)
     peaks = dict(zip(part.options.joints, moments.tolist(), strict=True))
     socket = loads.socket[inside, :, 0]
-    residual = np.sum(loads.pelvis**2, axis=1) @ frame.inside / frame.inside.sum()
     stored, returned = _energies(part, result.walk)[:2] if energies else (np.nan, np.nan)
     first, second, rate = _vertical_peaks(frame, loads.grf[:, 2, 0] / frame.weight_n)
     return {
@@ -194,8 +192,7 @@ def outcomes(part: TrialTuning, result: SettingOutcome, *, energies: bool = True
         "loading_rate": rate,
         "socket_force": float(np.linalg.norm(socket[:, :3], axis=1).max() / frame.weight_n),
         "socket_moment": float(np.linalg.norm(socket[:, 3:], axis=1).max() / frame.mass_kg),
-        "force_change": float(np.sqrt(value_of(result.terms[CONSISTENCY]))),
-        "pelvis_residual": float(np.sqrt(residual) / frame.weight_n)}
+        "force_change": float(np.sqrt(value_of(result.terms[CONSISTENCY])))}
 
 
 def _energies(part: TrialTuning, walk: Walk) -> tuple[float, float, float]:
