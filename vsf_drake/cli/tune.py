@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from vsf_drake.analysis.tuning.inputs import TuningTrials
     from vsf_drake.analysis.tuning.schedule import Schedule, Task
     from vsf_drake.analysis.tuning.table import TuningTable
-    from vsf_drake.collocation import Iteration
 
     Options = level1.TuningOptions | level2.StrideOptions
     Arrays = dict[str, np.ndarray]
@@ -163,7 +162,6 @@ def schedule(
 
 
 def _check_ended(result: TuningTable | Schedule, why: str, page: Path, *, stopped: bool) -> None:
-    """Ends the command where what was written is no optimum."""
     if stopped:
         interrupted(f"; what was found by then is in {page.parent}, marked as NOT OPTIMAL")
     if not result.optimal:
@@ -183,9 +181,6 @@ def read_warm_start(file: Path) -> tuple[TuningTable, Arrays]:
         return tuning_of(saved, ("design",)), arrays
     except ValueError as error:
         raise InputError(f"cannot be used ({error})", file=file, where="--warm-start") from None
-
-
-# Options: their words read and what cannot go together refused here, the rest by the options of the level.
 
 
 def _asked(cost: str, weights: str | None, level: int, **others: Any) -> Asked:
@@ -242,7 +237,6 @@ def _named_as_options(warm_file: Path | None = None) -> Iterator[None]:
 
 
 def _level_options(asked: Asked) -> Options:
-    """The options of the analysis."""
     from vsf_drake.analysis.tuning import level1, level2
 
     given = {"bounds_mm" if name == "fulcrum_range_mm" else name: value for name, value in asked.items()
@@ -257,19 +251,14 @@ def _level_options(asked: Asked) -> Options:
         return level2.StrideOptions(**(quick if asked["quick"] else {}) | given)
 
 
-# What is tuned: trials together, or task after task.
-
-
 def _tuned_trials(given: TuningTrials, asked: Asked, options: Options, show: Show, *,
                   warm: tuple[TuningTable, Arrays] | None = None, warm_file: Path | None = None
                   ) -> tuple[TuningTable, Arrays]:
     """Table and arrays; an interrupt leaves what there was by then, marked as not optimal, or passes before that."""
-    from vsf_drake.analysis.tuning.level1 import TuningOptions
     from vsf_drake.analysis.tuning.table import Provenance
 
     with _named_as_options(warm_file):
-        table, arrays = (_motion_given(given, asked["cost"], options, show, warm) if isinstance(options, TuningOptions)
-                         else _motion_free(given, asked["cost"], options, show, warm))
+        table, arrays = _solved(given, asked["cost"], options, show, warm)
     made = table.provenance or Provenance()
     made = dataclasses.replace(made, options={**asked, **made.options},
                                inputs_sha256={**given.inputs, **made.inputs_sha256})
@@ -281,38 +270,25 @@ def _was_interrupted(table: TuningTable) -> bool:
     return not table.optimal and "interrupted" in table.status
 
 
-def _motion_given(given: TuningTrials, cost: str, options: level1.TuningOptions, show: Show,
-                  warm: tuple[TuningTable, Arrays] | None) -> tuple[TuningTable, Arrays]:
-    from vsf_drake.analysis.tuning import level1
+def _solved(given: TuningTrials, cost: str, options: Options, show: Show,
+            warm: tuple[TuningTable, Arrays] | None) -> tuple[TuningTable, Arrays]:
+    from vsf_drake.analysis.tuning import level1, level2
 
-    def report(p: level1.TuningProgress) -> None:
-        best = "" if p.cost is None or p.fulcrum_mm is None else f", {p.fulcrum_mm:.1f} mm, cost {p.cost:.5g}"
-        show(f"{p.stage}{best}", 0.0 if p.fraction is None else p.fraction)
-
-    begin = None if warm is None else {row.name: row.value for row in warm[0].design}
-    if begin is not None and warm is not None and warm[0].fulcrum_mm is not None:
-        begin["fulcrum"] = warm[0].fulcrum_mm
-    tuning = level1.StiffnessTuning(given.trials, cost=cost, labels=given.labels, options=options)
-    solution = level1.solve(tuning, progress=report, warm_start=begin)
-    return level1.tuning_table(solution), level1.tuning_arrays(solution)
-
-
-def _motion_free(given: TuningTrials, cost: str, options: level2.StrideOptions, show: Show,
-                 warm: tuple[TuningTable, Arrays] | None) -> tuple[TuningTable, Arrays]:
-    from vsf_drake.analysis.tuning import level2
-
-    def report(what: str, fraction: float, iteration: Iteration | None = None) -> None:
-        best = "" if iteration is None else f", iteration {iteration.number}, cost {iteration.cost:.5g}"
-        show(f"{what}{best}", fraction)
-
-    tuning = level2.StrideTuning(given.trials, cost=cost, labels=given.labels, options=options)
-    solution = level2.solve(tuning, progress=report, warm_start=None if warm is None else warm[1])
-    return level2.stride_table(solution), level2.stride_arrays(solution)
+    if isinstance(options, level1.TuningOptions):
+        begin = None if warm is None else {row.name: row.value for row in warm[0].design}
+        if begin is not None and warm is not None and warm[0].fulcrum_mm is not None:
+            begin["fulcrum"] = warm[0].fulcrum_mm
+        tuning = level1.StiffnessTuning(given.trials, cost=cost, labels=given.labels, options=options)
+        solution = level1.solve(tuning, progress=show, warm_start=begin)
+        return level1.tuning_table(solution), level1.tuning_arrays(solution)
+    free = level2.StrideTuning(given.trials, cost=cost, labels=given.labels, options=options)
+    stride = level2.solve(free, progress=show, warm_start=None if warm is None else warm[1])
+    return level2.stride_table(stride), level2.stride_arrays(stride)
 
 
 def _tasks_trials(tasks: Sequence[Task], contact: Path | None, asked: Asked, resolution_mm: float | None,
                   show: Show) -> tuple[list[TuningTrials], tuple[float, float]]:
-    """The trials of every task, and the positions that every trial's carriage can take within the range asked for."""
+    """The trials of every task, and the positions that all their carriages can take."""
     from vsf_drake.analysis.tuning.inputs import check_one_person, load_tuning_trials
     from vsf_drake.analysis.tuning.schedule import check_steps
 

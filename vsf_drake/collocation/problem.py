@@ -30,11 +30,8 @@ Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class Layout:
-    """z = [q (n), v (n), a (n), w (k), u (k), s (e)] of one instant, Z = 3n + 2k + e.
-
-    Names are of the coordinates q, whose time derivatives v and a are; of the variables w that are in equilibrium at
-    every instant, with rates u; and of free variables s, e.g. a torque. q to s are their columns of z.
-    """
+    """z = [q (n), v (n), a (n), w (k), u (k), s (e)] of one instant, Z = 3n + 2k + e: coordinates, their derivatives,
+    what is in equilibrium at every instant with its rates, free variables. q to s are their columns of z."""
 
     coordinates: tuple[str, ...]
     quasi_static: tuple[str, ...] = ()
@@ -68,7 +65,6 @@ class Layout:
 
     @property
     def size(self) -> int:
-        """Z."""
         return int(self.s.stop)
 
     @property
@@ -101,17 +97,14 @@ class Grid:
 
     @property
     def per_interval(self) -> int:
-        """Instants that an interval adds: 2 with midpoints, else 1."""
         return 2 if self.method == "hermite_simpson" else 1
 
     @property
     def instants(self) -> int:
-        """N, knots and midpoints."""
         return self.per_interval * self.intervals + (not self.periodic)
 
     @property
     def step_s(self) -> float:
-        """From one instant to the next, s."""
         return self.duration_s / (self.per_interval * self.intervals)
 
     @cached_property
@@ -146,7 +139,7 @@ class Grid:
         return sp.vstack(matrices, format="csr"), np.concatenate(rights)
 
     def _over_intervals(self, weights: Sequence[float]) -> tuple[sp.csr_matrix, np.ndarray]:
-        """(intervals, N) that weighs the instants of each interval; (intervals,) what falls into the next period."""
+        """(intervals, N) that weighs the instants of each interval; what falls into the next period."""
         rows = np.arange(self.intervals)[:, None]
         columns = self.per_interval * rows + np.arange(len(weights))
         rows, values = np.broadcast_to(rows, columns.shape), np.broadcast_to(weights, columns.shape)
@@ -165,10 +158,10 @@ class Grid:
 
 
 class InstantFunction(Protocol):
-    """Outputs of every instant as functions of its variables and of the design parameters.
+    """Outputs (m) of every instant as functions of its Z variables and of P design parameters.
 
-    Legend: N instants, Z variables of an instant, P design parameters, m outputs. Row i of z is instant i, for which
-    the function may hold data of its own. A point that it cannot evaluate has outputs that are not finite.
+    Row i of z is instant i, for which the function may hold data of its own. A point that it cannot evaluate has
+    outputs that are not finite.
     """
 
     def evaluate(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:

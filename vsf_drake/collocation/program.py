@@ -48,12 +48,10 @@ class _Instants:
         self.rows: tuple[np.ndarray, np.ndarray] | None = None
 
     def show(self, x: np.ndarray) -> None:
-        """The solver is at x."""
         if not np.array_equal(np.ravel(x), self.x):
             self.x, self.rows = np.array(x, dtype=float).ravel(), None
 
     def note(self, instant: int, own: np.ndarray) -> None:
-        """One instant's variables and p are `own` (Z + P,)."""
         size, base = self.scaled.shape[1], self.scaled.count
         z = slice(instant * size, (instant + 1) * size)
         if not (np.array_equal(own[:size], self.x[z]) and np.array_equal(own[size:], self.x[base:])):
@@ -87,7 +85,6 @@ class _Instants:
 
 
 def _nothing(count: int) -> Rows:
-    """Rows that are always 0."""
     return lambda own: (np.zeros(count), np.zeros((count, len(own))))
 
 
@@ -186,7 +183,6 @@ def confirm(problem: TrajectoryProblem, start: Start, solver: str = "snopt", *, 
 
 
 def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[MathematicalProgramResult, int]:
-    """The result and the number of restarts, from where SNOPT was, with more storage."""
     began = time.perf_counter()
     for restarts, padding in enumerate(PADDING):  # noqa: B007 (returned below)
         result = SnoptSolver().Solve(program(scaled, probes=False, padding=padding), x, _settings(SnoptSolver.id(), {
@@ -200,7 +196,6 @@ def _snopt(scaled: Scaled, x: np.ndarray, time_limit_s: float) -> tuple[Mathemat
 
 
 def _info(result: MathematicalProgramResult) -> int:
-    """SNOPT's INFO."""
     details = result.get_solver_details()
     assert isinstance(details, solvers.SnoptSolverDetails)
     return int(details.info)
@@ -226,7 +221,7 @@ def _settings(solver: solvers.SolverId, chosen: Mapping[str, float | int | str]
 
 
 def _residual(scaled: Scaled, at: Linearised) -> float:
-    """First-order residual at a point, with the multipliers of the step that would follow."""
+    """First-order residual, with the multipliers of the step that would follow."""
     slacks, usual = scaled.slacks(at), max(float(np.mean(at.diagonal)), 1e-8)
     kkt = Kkt(scaled, at, np.full(len(at.x), 1e-3 * usual))
     step = find_step(kkt, equations=at.equations, slacks=slacks, likely=np.flatnonzero(slacks < ACTIVE))

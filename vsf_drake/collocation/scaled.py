@@ -30,7 +30,6 @@ class Point:
 
     @property
     def finite(self) -> bool:
-        """Whether the function could be evaluated."""
         return bool(np.isfinite(self.cost) and np.isfinite(self.equations).all() and np.isfinite(self.limited).all())
 
 
@@ -103,13 +102,11 @@ class Scaled:
         return at
 
     def point(self, x: np.ndarray) -> Point:
-        """Values at x."""
         self.evaluations += 1
         with np.errstate(all="ignore"):
             return self._point(x, np.asarray(self.problem.function.evaluate(*self.unscaled(x)), dtype=float))
 
     def linearised(self, x: np.ndarray) -> Linearised:
-        """Values and derivatives at x."""
         with np.errstate(all="ignore"):
             y, by_z, by_p = self.outputs(x)
             slope, bend = self.slopes(y)

@@ -58,22 +58,20 @@ class TrajectorySolution:
 
     @property
     def iterations(self) -> int:
-        """Steps that were taken; 0 if the solver tells no history."""
         return max(len(self.history) - 1, 0)
 
     @property
     def success(self) -> bool:
-        """Whether it is an optimum."""
         return self.status == "optimal"
 
     @property
     def z(self) -> np.ndarray:
-        """(N, Z) variables of the instants."""
+        """(N, Z)"""
         return self._read().z
 
     @property
     def p(self) -> np.ndarray:
-        """(P,) design parameters."""
+        """(P,)"""
         return self._read().p
 
     @property

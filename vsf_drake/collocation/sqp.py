@@ -90,7 +90,6 @@ class _SqpSearch:
         self.exact, self.resume, self.before = False, 0, DAMPING
 
     def run(self) -> tuple[str, str]:
-        """Iterates; returns the status and why."""
         options, least, since = self.options, np.inf, 0
         for number in range(options.iterations + 1):
             kkt, step = self._find()
@@ -140,7 +139,6 @@ class _SqpSearch:
         return self.exact or (len(past) > SLOW and 0.1 * past[-1 - SLOW].optimality < past[-1].optimality < NEAR)
 
     def _mislead(self) -> None:
-        """Curvature did no good here: none for some iterations."""
         self.exact, self.resume, self.damping = False, len(self.history) + WAIT, self.before
 
     def _kkt(self, at: Linearised) -> Kkt:

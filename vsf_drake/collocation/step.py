@@ -74,7 +74,6 @@ class Kkt:
             self._exchange()
 
     def _exchange(self) -> None:
-        """Factors with exchanged rows."""
         self._factors, self._is_exchanged = splu(self._whole, permc_spec="NATURAL"), True
 
     @property
@@ -111,7 +110,6 @@ class Kkt:
 
 
 def _diagonal(blocks: np.ndarray) -> sp.csr_matrix:
-    """(N a, N b) sparse with blocks (N, a, b) on its diagonal."""
     count, high, wide = blocks.shape
     columns = wide * np.repeat(np.arange(count), high)[:, None] + np.arange(wide)
     return sp.csr_matrix((blocks.ravel(), columns.ravel(), wide * np.arange(count * high + 1)),
@@ -296,7 +294,6 @@ def box_minimum(matrix: np.ndarray, linear: np.ndarray, high: float, start: np.n
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """matrix^-1 right, the matrix of unit diagonal and perhaps singular."""
     for soft in (1e-14, 1e-12, 1e-10, 1e-8):
         try:
             return np.asarray(cho_solve(cho_factor(matrix + soft * np.eye(len(matrix))), right))

@@ -259,14 +259,14 @@ def test_solvers_end_at_the_same_point_unless_they_may_not_iterate(made_tuning):
 
 
 def test_an_interrupt_keeps_the_best_point_and_says_that_it_is_none(made_tuning):
-    def stop_at(stage, evaluations=0):
-        def stop(progress):
-            if progress.stage.startswith(stage) and progress.evaluations > evaluations:
+    def stop_at(stage):
+        def stop(what, share):
+            if what.startswith(stage):
                 raise KeyboardInterrupt
         return stop
 
     near = {"bounds_mm": (100.0, 120.0), **QUICK}
-    broken = solve(made_tuning(**near), progress=stop_at("search", 3))
+    broken = solve(made_tuning(**near), progress=stop_at("search"))
     assert not broken.success and "interrupted" in broken.message
     for name in ("fulcrum_mm", "cost", "values"):
         with pytest.raises(FitError, match="interrupted"):
@@ -280,7 +280,7 @@ def test_an_interrupt_keeps_the_best_point_and_says_that_it_is_none(made_tuning)
         assert (broken.sweep is None) == (stage == "sweep")
         json.dumps(plain(tuning_table(broken)), allow_nan=False)
     with pytest.raises(KeyboardInterrupt):
-        solve(made_tuning(**near), progress=stop_at("", -1))
+        solve(made_tuning(**near), progress=stop_at(""))
 
 
 def test_a_narrow_range_ends_on_its_bound_and_a_warm_start_begins_where_it_is_told(made_tuning, solution):

@@ -102,8 +102,8 @@ def test_a_free_fulcrum_is_at_least_as_good_as_where_it_was_freed(tuning, stride
 def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an_optimum(trial):
     tuning = StrideTuning([trial], cost="metabolic", options=StrideOptions(confirm=(), intervals=20))
 
-    def stop(what, fraction, iteration):
-        if iteration is not None and iteration.number == 2:
+    def stop(what, share):
+        if "iteration 2" in what:
             raise KeyboardInterrupt
 
     solution = solve(tuning, progress=stop)

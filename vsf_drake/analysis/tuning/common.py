@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +17,7 @@ WEIGHTED = "weighted"
 DESIGN = ("heel_stiffness", "alignment", "keel_thickness")  # what may be tuned beside the fulcrum
 SETTINGS = SOFTEST, OPTIMUM, STIFFEST, RECORDED = "softest", "optimum", "stiffest", "recorded"
 """Settings of the fulcrum that a reader compares; the recorded one is each trial's own, the device as it is."""
+Progress = Callable[[str, float], None]  # called with what is being done and the finished share of it
 
 
 def check_name(name: str, known: Sequence[str], where: str) -> str:
@@ -35,8 +36,7 @@ def check_cost(cost: str) -> str:
 
 @dataclass(frozen=True)
 class TuningCheck:
-    """What a solution was held against: the value and the one asked for; `met` None where nothing is demanded or
-    it could not be made."""
+    """What a solution was held against; `met` None where nothing is demanded or it could not be made."""
 
     name: str
     label: str
@@ -49,20 +49,17 @@ class TuningCheck:
 
 @dataclass(frozen=True, kw_only=True)
 class CommonOptions:
-    """Options that tunings of both levels have; InputError where one is none of what it may be. All numbers without a
-    source are choices.
+    """Options that tunings of both levels have; InputError where one is none of what it may be. All are choices.
 
     Attributes:
         bounds_mm: least and largest fulcrum position from A; None for the carriage's reach.
-        design: what is tuned together with the fulcrum. design_bounds: (low, high) by name, in its unit; those that are
-            not named have their own.
+        design: what is tuned together with the fulcrum; `design_bounds`: (low, high) by name, in its unit.
         weights: of COSTS in the weighted cost, each divided by its size in what was recorded; their sum counts as 1.
         socket_weight: of the socket's wrench against the joints' moments in the cost joint_load. The axial force bears
             the body and its square is about a hundred times those of the normalised moments: with 0.01 both count.
         late_share: of prosthetic stance, after which positive power counts as push-off.
         starts: most searches. iterations: of one. confirm: solvers that search again.
         draws: of the contact's parameters, by which the optimum's uncertainty is judged; 0 for none.
-        seed: of all that is random.
     """
 
     bounds_mm: tuple[float, float] | None = None

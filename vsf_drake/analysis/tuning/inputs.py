@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from vsf_drake.analysis.contact_fit.problem import labels_of
 from vsf_drake.analysis.offsets import fit_offsets
+from vsf_drake.analysis.tuning.common import Progress
 from vsf_drake.analysis.validation.study import SETTINGS, check_named_once, embedded_contact, embedded_trials
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
 
-Progress = Callable[[str, float], None]  # called with what is being done and the finished fraction of it
 NO_CONTACT = (
     "No fitted contact was given: the foot's contact is the model file's, and only where the prosthesis sits was "
     "fitted, to each trial's own plate.")
@@ -24,8 +24,7 @@ _TYPICAL_EVALUATIONS = 25.0
 
 @dataclass(frozen=True, eq=False)
 class TuningTrials:
-    """Trials as they are to be walked, in the order in which they were named, a short name for each, and what a user
-    should know of them."""
+    """Trials as they are to be walked, a short name for each, and what a user should know of them."""
 
     trials: tuple[Trial, ...]
     labels: tuple[str, ...]
@@ -38,26 +37,24 @@ class TuningTrials:
 
     @property
     def synthetic(self) -> bool:
-        """Whether any of them was constructed rather than measured."""
         return any(trial.synthetic for trial in self.trials)
 
     @property
     def inputs(self) -> dict[str, str]:
-        """SHA-256 of every file that was read, by trial and name."""
+        """SHA-256 by trial and file."""
         return {f"{label}: {file}": digest for label, trial in zip(self.labels, self.trials, strict=True)
                 for file, digest in trial.inputs.items()}
 
     @property
     def reach_mm(self) -> tuple[float, float]:
-        """Between which positions (mm from A) the carriage of every trial's foot can stand."""
+        """Positions (mm from A) that every trial's carriage can take."""
         feet = [trial.model.foot.fulcrum for trial in self.trials]
         return 1e3 * max(foot.rearmost_m for foot in feet), 1e3 * min(foot.foremost_m for foot in feet)
 
 
 def embedded_tuning_trials(*, level: int, quick: bool = False) -> tuple[Path, ...]:
     """Manifests of synthetic trials that ship with the package: walks at the middle setting, of the laboratory tier,
-    three for level 1, whose repetition tells what a difference is worth; one if `quick`, and for level 2. Motions that
-    were walked at several settings make no good person to begin with: each belongs to its own setting."""
+    three for level 1, whose repetition tells what a difference is worth; one if `quick`, and for level 2."""
     every = embedded_trials(quick=quick or level > 1)
     return tuple(path for path in every if path.stem.startswith(f"{SETTINGS[1]}_"))
 
@@ -67,9 +64,7 @@ def load_tuning_trials(
     quick: bool = False, progress: Progress | None = None
 ) -> TuningTrials:
     """Reads trials of one person; without any, the `embedded_tuning_trials` with the contact that was fitted to them.
-
-    Without a contact file (`vsf-drake fit`), height, fore-aft position and alignment of the prosthesis are fitted to
-    each trial's plate.
+    Without a contact file, height, fore-aft position and alignment of the prosthesis are fitted to each trial's plate.
     """
     if not manifests:
         manifests, contact = embedded_tuning_trials(level=level, quick=quick), contact or embedded_contact()

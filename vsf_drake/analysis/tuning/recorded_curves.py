@@ -41,7 +41,6 @@ class PeriodicCurves:
 
     @property
     def order(self) -> int:
-        """H."""
         return (len(self.coefficients) - 1) // 2
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -308,12 +307,9 @@ def plate_series(plate: PlateRecording, forward: np.ndarray,
 
 def foot_force(plate: PlateRecording, forward: np.ndarray, *, record: Span, span: Span, start_s: float,
                period_s: float, advance_m: float, unknown: Sequence[Span] = ()) -> FootForce:
-    """What one foot's plate says of a stride that begins at `start_s` on its clock and goes along `forward` (2,).
-
-    The motion was recorded in `record`: outside, nobody knows whether the foot stands on the plate. Its part `span`
-    makes the stride; the rest serves where there is nothing else. In the spans `unknown` the foot stands on no plate
-    though that says zero.
-    """
+    """What one foot's plate says of a stride that begins at `start_s` on its clock and goes along `forward` (2,): its
+    part `span`, the rest of `record` where there is nothing else; nobody knows of what lies outside, or in
+    `unknown`."""
     # All instants of the recording by phase: row k is the stride that begins k periods after phase 0.
     count = max(2, round(period_s / GRID_S))
     grid = np.linspace(0.0, period_s, count + 1)

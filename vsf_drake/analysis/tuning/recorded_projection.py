@@ -44,7 +44,6 @@ class _Points:
     radius: np.ndarray  # (k,) m where it is the centre of a contact sphere, else 0
 
     def rows(self, start: str) -> np.ndarray:
-        """Indices of the points whose label starts so."""
         return np.array([k for k, label in enumerate(self.labels) if label.startswith(start)], dtype=int)
 
 
@@ -61,7 +60,6 @@ class BodyPoints(_Points):
     ground: float  # z of the floor, m
 
     def of(self, start: str) -> np.ndarray:
-        """(n, m, 3) places of the points whose label starts so."""
         return self.places[:, self.rows(start)]
 
     def seen(self, forward: np.ndarray) -> np.ndarray:
@@ -145,7 +143,6 @@ class SagittalChain(_Points):
     local: np.ndarray  # (k,) complex, the points from their segments' joints (m)
 
     def points(self, q: np.ndarray) -> np.ndarray:
-        """(n, k) complex places for coordinates (n, 8)."""
         return self._placed(q)[0]
 
     def _placed(self, q: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -187,7 +184,6 @@ class SagittalChain(_Points):
         return H
 
     def mass_center(self, q: np.ndarray) -> np.ndarray:
-        """(n,) complex, m: the whole body's centre of mass."""
         return np.asarray(self.points(q) @ self.mass / self.mass.sum())
 
     def with_mass(self, values: np.ndarray) -> np.ndarray:
@@ -211,9 +207,6 @@ def sagittal_chain(walker: Walker, offsets: GeometricOffsets, *, fulcrum_m: floa
     return SagittalChain(
         labels=zero.labels, segment=zero.segment, mass=zero.mass, radius=zero.radius, joints=joints,
         local=places - np.array([base[SEGMENTS[s]] for s in zero.segment]))
-
-
-# What is to be small, and the motion for which it is.
 
 
 ITERATIONS = 50
@@ -240,7 +233,7 @@ class Misfit:
     turned: np.ndarray  # (8,) their weights
 
     def cost(self, q: np.ndarray, d: complex) -> np.ndarray:
-        """(n,) the sum of squares of every instant."""
+        """(n,)"""
         r = self.chain.with_mass(self.chain.points(q)) - self.wanted - d * self.shifted
         return np.asarray(np.sum(self.along * r.real**2 + self.height * r.imag**2, axis=1)
                           + (q - self.recorded) ** 2 @ self.turned)

@@ -38,11 +38,8 @@ SHORTEST_SHARE, LONGEST_SHARE = 0.4, 0.85  # what a stance can take of a stride
 
 @dataclass(frozen=True, eq=False)
 class RecordedStride:
-    """A recorded stride in the sagittal plane.
-
-    Times are seconds since phase 0, the prosthetic foot's strike; time t is `start_s` + t in the recording. x is the
-    distance along the way of walking from the laboratory's origin, z up.
-    """
+    """A recorded stride in the sagittal plane; time t, from the prosthetic strike on, is `start_s` + t in the
+    recording, x the distance along the way of walking from the laboratory's origin, z up."""
 
     names: tuple[str, ...]  # of the 8 coordinates, see `simulation.sagittal.model.sagittal_coordinates`
     period_s: float
@@ -58,8 +55,7 @@ class RecordedStride:
     notes: tuple[str, ...]  # what was done and how well it fits, in sentences
 
     def sample(self, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Coordinates, rates and accelerations, each (n, 8), in m and rad, at any (n,) s since phase 0; a period later
-        pelvis_tx has advanced."""
+        """Coordinates, rates and accelerations, each (n, 8), at any (n,) s."""
         return self.curves.sample(np.asarray(times_s))
 
     def measured(self, foot: str, times_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -151,7 +147,6 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
 
 
 def _shown(trial: Trial, walker: Walker | None) -> tuple[slice, BodyPoints, SagittalChain]:
-    """Which instants of the recording are taken, where the 3-D model has its points there, and the sagittal model."""
     walker, motion = walker or Walker(trial.subject, trial.model), trial.trajectory
     if walker.subject.prosthetic_side != trial.subject.prosthetic_side:
         raise InputError(f"the walker's prosthesis is on the {walker.subject.prosthetic_side}, the trial's on the "
@@ -171,9 +166,6 @@ def _along(motion: CoordinateTrajectory, names: tuple[str, ...], points: BodyPoi
     turned = Rotation.from_euler("z", -np.arctan2(forward[1], forward[0])) * Rotation.from_euler("YXZ", pelvis)
     recorded[:, TILT], recorded[:, TX] = -turned.as_euler("YXZ")[:, 0], points.pelvis[:, :2] @ forward
     return recorded
-
-
-# How well a sagittal stride tells what was recorded.
 
 
 STEP_S = 0.002
@@ -216,20 +208,16 @@ def _rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
     return float(np.sqrt(np.average(np.square(values), weights=weights)))
 
 
-# Stances of both feet, as the plates and the motion tell them, and which of them a stride begins with.
-
-
 LEAST_WAY_M = 0.3  # a pelvis that gets no farther than this over the recording does not walk over the ground
 
 
 def _sides(trial: Trial) -> dict[str, str]:
-    """ "right" or "left" by "P" (prosthetic) and "I" (intact)."""
     own = trial.subject.prosthetic_side
     return {"P": own, "I": "left" if own == "right" else "right"}
 
 
 def _loaded_stances(trial: Trial) -> dict[str, list[Stance]]:
-    """By "P" and "I", what the plates saw within the recorded motion; a stance that the motion cuts is marked so."""
+    """What the plates saw within the motion; a stance that this cuts is marked so."""
     stances: dict[str, list[Stance]] = {}
     first, last = trial.trajectory.start_s, trial.trajectory.end_s
     for s, side in _sides(trial).items():
@@ -244,7 +232,6 @@ def _loaded_stances(trial: Trial) -> dict[str, list[Stance]]:
 
 
 def _moved_stances(time_s: np.ndarray, points: BodyPoints, chain: SagittalChain) -> dict[str, list[Stance]]:
-    """By "P" and "I", as the motion of heel and toe tells."""
     feet = {}
     for s in FEET:
         rows = chain.rows(f"sphere {s}")
@@ -257,8 +244,7 @@ def _moved_stances(time_s: np.ndarray, points: BodyPoints, chain: SagittalChain)
 
 def _unknown_spans(trial: Trial, loaded: Mapping[str, Sequence[Stance]],
                   moved: Mapping[str, Sequence[Stance]]) -> dict[str, tuple[Span, ...]]:
-    """By "P" and "I", when the foot stands on ground that no plate measures: stated by the trial, or told by a stance
-    in the motion of which more than 0.12 s is on no plate."""
+    """When the foot stands on no plate: as the trial states, or a stance in the motion shows for more than 0.12 s."""
     unknown: dict[str, tuple[Span, ...]] = {}
     for s, side in _sides(trial).items():
         if trial.unmeasured.get(side):
@@ -280,7 +266,7 @@ def _unknown_spans(trial: Trial, loaded: Mapping[str, Sequence[Stance]],
 
 
 def _heading(points: BodyPoints, *, file: Path | None = None) -> np.ndarray:
-    """(2,) unit vector in the floor along which the pelvis travels; InputError if it hardly does."""
+    """(2,) unit vector in the floor along which the pelvis travels."""
     way = (points.pelvis[-1] - points.pelvis[0])[:2]
     length = float(np.linalg.norm(way))
     if length < LEAST_WAY_M:
@@ -291,8 +277,8 @@ def _heading(points: BodyPoints, *, file: Path | None = None) -> np.ndarray:
 
 def _within_stride(stances: Sequence[Stance], moved: Sequence[Stance], start_s: float,
                   period_s: float) -> tuple[Span | None, str]:
-    """A foot's stance within the stride (start from 0 to the period, end after it), and how it was found: a whole one
-    on the plates tells it; else a strike and a lift-off that belong to two stances; else the motion."""
+    """A foot's stance within the stride, and how it was found: whole, or pieced together, on the plates or in the
+    motion."""
     for source, where in ((stances, "the plates"), (moved, "the motion of the foot")):
         whole = [x for x in source if x.complete]
         if whole:
@@ -309,13 +295,11 @@ def _within_stride(stances: Sequence[Stance], moved: Sequence[Stance], start_s: 
 
 
 def _within(times: np.ndarray, stance: Span | None, period_s: float) -> np.ndarray:
-    """(n,) whether times since phase 0 lie in a stance; all do where none is known."""
     return np.mod(times - stance[0], period_s) <= stance[1] - stance[0] if stance else np.ones(len(times), dtype=bool)
 
 
 def _first_strike(stances: Sequence[Stance], window: Span, *, file: Path | None) -> Stance:
-    """The prosthetic stance that a stride begins with: the first whole one in the window, or one whose strike is seen;
-    InputError if there is none."""
+    """The first whole prosthetic stance in the window, or one whose strike is seen."""
     inside = [x for x in stances if window[0] - 1e-9 <= x.start_s <= window[1]]
     whole = [x for x in inside if x.complete and x.end_s <= window[1] + 1e-9]
     struck = [x for x in inside if x.start_seen]
@@ -324,9 +308,6 @@ def _first_strike(stances: Sequence[Stance], window: Span, *, file: Path | None)
     seen = ", ".join(f"{x.start_s:.3f} to {x.end_s:.3f} s" for x in stances) or "none"
     raise InputError(f"the plate shows no strike of the prosthetic foot from {window[0]:.3f} to {window[1]:.3f} s",
                      file=file, where="forces", right=f"Its stances are: {seen}")
-
-
-# How long a stride takes: from what both ends of a recording have in common, or from two like events of one foot.
 
 
 LEAST_SHARE, MOST_SHARE = 0.5, 0.75
@@ -349,9 +330,6 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
     the self-similarity nearby; else the self-similarity alone: the time by which the recording is shifted against
     itself with the least squares of the differences of all angles, of their rates and of the forces, each over its
     own spread. InputError where the recording holds no whole stride, or does not repeat itself.
-
-    Of joint angles (n, m) rad at (n,) s; times (j,) s and forces (j, 2) N of each foot, NaN where not known; stances by
-    FEET as the plates (`loaded`) and as the motion tell them.
     """
     alike = _Alike(time_s, motion, forces)
 
@@ -391,7 +369,7 @@ def find_period(time_s: np.ndarray, motion: np.ndarray, forces: Sequence[tuple[n
 
 def _intervals(stances: Mapping[str, Sequence[Stance]], low: float,
                high: float) -> Iterator[tuple[str, str, float, int]]:
-    """Foot, kind of event, mean interval and how many, wherever one event of a foot was seen more than once."""
+    """Wherever one event of a foot was seen more than once."""
     for what, attribute, seen in (("strikes", "start_s", "start_seen"), ("lift-offs", "end_s", "end_seen")):
         for foot, own in stances.items():
             instants = [getattr(stance, attribute) for stance in own if getattr(stance, seen)]
@@ -419,7 +397,6 @@ class _Alike:
         return np.linspace(self.start, self.end - seconds, SAMPLES)
 
     def cost(self, seconds: float) -> float:
-        """Mean square of the differences, each over its own spread."""
         times = self._times(seconds)
         total = 0.0
         for part, spread in self.parts:
@@ -447,6 +424,5 @@ class _Alike:
 
 
 def _linear(time_s: np.ndarray, values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """A force between its samples, unknown beside unknown ones."""
     return lambda times: np.column_stack([np.interp(times, time_s, column, left=np.nan, right=np.nan)
                                           for column in values.T])

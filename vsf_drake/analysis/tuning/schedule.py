@@ -45,12 +45,10 @@ class Task:
 
     @property
     def manifests(self) -> tuple[Path, ...]:
-        """Of its trials."""
         return tuple(map(Path, self.trials))
 
     @property
     def descriptors(self) -> dict[str, float | None]:
-        """By name of DESCRIPTORS."""
         return {name: getattr(self, name) for name in DESCRIPTORS}
 
 
@@ -105,9 +103,6 @@ def _listed(path: Path) -> list[Task]:
     return tasks
 
 
-# What is stored for them.
-
-
 POLICY_FORMAT = "vsf_drake schedule 1"
 LOOKUP = (
     "Between tasks the setting is linear in what tells them apart; outside of the table it is that of the nearest "
@@ -153,7 +148,6 @@ class TaskSetting:
 
     @property
     def descriptors(self) -> dict[str, float | None]:
-        """By name of DESCRIPTORS."""
         return {name: getattr(self, name) for name in DESCRIPTORS}
 
 
@@ -177,7 +171,7 @@ class Schedule:
     provenance: Provenance | None = None
 
     def check(self) -> Schedule:
-        """This schedule. Raises FitError if a task's tuning did not end at an optimum."""
+        """FitError if a task's tuning did not end at an optimum."""
         bad = [task for task in self.tasks if not task.optimal]
         if bad:
             raise FitError("the schedule is not optimal: " + "; ".join(f"{t.label}: {t.status}" for t in bad))
@@ -186,18 +180,12 @@ class Schedule:
     def lookup(
         self, *, speed: float | None = None, slope: float | None = None, carried: float | None = None
     ) -> float:
-        """The fulcrum position (mm from A) for a task between those of the table.
+        """The fulcrum position (mm from A) at a speed (m/s), slope (°, uphill +) and carried load (kg).
 
-        Linear between the tasks in each descriptor that tells them apart; outside of the table the nearest edge of it
-        (nothing is extrapolated); then within the carriage's reach and on its resolution. Descriptors that are the same
-        in all tasks, or known of none, have no say. With several, the tasks must form a full grid.
-
-        Args:
-            speed: m/s. slope: °, uphill +. carried: kg.
-
-        Raises:
-            InputError: a number is missing or not finite; the tasks do not tell this descriptor, or form no grid.
-            FitError: a task's tuning did not end at an optimum.
+        Linear between the tasks in each descriptor that tells them apart; outside of the table the nearest edge of it;
+        then within the carriage's reach and on its resolution. Descriptors that are the same in all tasks, or known of
+        none, have no say. With several, the tasks must form a full grid. InputError: a number is missing or not finite;
+        the tasks do not tell this descriptor, or form no grid. FitError: a task's tuning did not end at an optimum.
         """
         self.check()
         axes: dict[str, np.ndarray] = {}
@@ -227,7 +215,6 @@ class Schedule:
         return on_carriage(float(exact_mm[0]), self.reach_mm, self.resolution_mm)
 
     def _grid(self, axes: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Settings before rounding over the axes' values."""
         grid = np.full([len(values) for values in axes.values()], np.nan)
         for task in self.tasks:
             at = tuple(values.tolist().index(task.descriptors[name]) for name, values in axes.items())
@@ -273,7 +260,6 @@ def make_schedule(
 
 
 def _matters(table: TuningTable, common: float | None) -> bool | None:
-    """Of `TaskSetting`."""
     outcome, interval = table.cost_outcome, table.fulcrum_interval_mm
     if not table.optimal or common is None:
         return None
@@ -291,7 +277,6 @@ def check_steps(reach_mm: Span, resolution_mm: float | None) -> None:
 
 
 def _cost_curve(table: TuningTable) -> Curve | None:
-    """The cost over the fulcrum (mm) through the sweep's points and the optimum; None with fewer than two points."""
     points = dict(zip(*(values.tolist() for values in table.swept()), strict=True))
     if table.optimal and table.fulcrum_mm is not None and table.cost is not None:
         points = {x: y for x, y in points.items() if abs(x - table.fulcrum_mm) > 1e-6}
@@ -304,7 +289,6 @@ def _cost_curve(table: TuningTable) -> Curve | None:
 
 
 def _best_common(curves: Sequence[Curve], reach_mm: Span, resolution_mm: float | None) -> float:
-    """The position (mm) that the carriage can take at which the mean of the costs is least."""
     spacing = resolution_mm or GRID_MM
     count = math.floor((reach_mm[1] - reach_mm[0]) / spacing + SAME) + 1
     at = reach_mm[0] + spacing * np.arange(count)

@@ -191,7 +191,7 @@ class TuningTable:
         return table[:, 0], table[:, 1]
 
     def cost_at(self, fulcrum_mm: float) -> float | None:
-        """The cost at a position, by straight lines between the points of the sweep; None outside of them."""
+        """By straight lines between the points of the sweep; None outside of them."""
         x, y = self.swept()
         return float(np.interp(fulcrum_mm, x, y)) if len(x) and x[0] <= fulcrum_mm <= x[-1] else None
 
@@ -202,7 +202,6 @@ class TuningTable:
 
     @property
     def cost_outcome(self) -> Outcome | None:
-        """The outcome that is the cost itself; None where there is none."""
         return next((row for row in self.outcomes if row.name in ("cost", self.cost_name)), None)
 
     @property

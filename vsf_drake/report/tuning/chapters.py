@@ -193,7 +193,6 @@ def _checks(table: TuningTable, arrays: Arrays) -> Facts:
 
 
 def _range(table: TuningTable, arrays: Arrays) -> Facts:
-    """The cost over the range, with its terms and the outcomes, a row a position."""
     headings = {"fulcrum_mm": "fulcrum (mm)", "cost": f"cost ({table.cost_unit})"}
     headings |= {f"term_{row.name}": row.label for row in table.terms}
     headings |= {f"outcome_{row.name}": f"{row.label} ({row.unit})" for row in table.outcomes}
@@ -206,7 +205,6 @@ def _range(table: TuningTable, arrays: Arrays) -> Facts:
 
 
 def _made(table: TuningTable | Schedule, arrays: Arrays | None = None) -> Facts:
-    """Notes, time, software, options and files."""
     made = table.provenance or Provenance()
     return {"made": made, "files": [{"file": name, "sha256": digest} for name, digest in made.inputs_sha256.items()],
             "options": [{"option": name, "value": said(value, "none")} for name, value in made.options.items()]}
@@ -241,9 +239,6 @@ def _buys(schedule: Schedule) -> Facts:
         shown["tasks"] = figures.tasks_figure(finished)
     return {"curves": curves, "done": done, "intervals": True, "figures": shown,
             "buys": tasks_words(finished) if done else ""}
-
-
-# The folders.
 
 
 TUNING = ResultsFolder(

@@ -25,8 +25,8 @@ _WIDE = 10.6  # inches, of a figure of several columns
 
 
 def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
-    """`draw`, which fills a figure of a table, as a function that returns it in the common look: above it that there is
-    no optimum, that data are synthetic."""
+    """`draw`, which fills a figure of a table, as a function that returns it, marked where there is no optimum or data
+    are synthetic."""
     @wraps(draw)
     def drawn(table: TuningTable | Schedule, *others: Any) -> Figure:
         with drawing(_WIDE, 1.0) as figure:
@@ -41,7 +41,6 @@ def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
 
 
 def _panels(figure: Figure, count: int, across: int, x_label: str) -> list[Axes]:
-    """So many panels in rows of `across`, the lowest of each column labelled."""
     panels = figure.subplots(-(-count // across), across, sharex=True, squeeze=False).ravel()
     for axes in panels[count:]:
         axes.set_axis_off()
@@ -60,12 +59,10 @@ def _colour(fulcrum_mm: float | None) -> Any:
 
 
 def _point(axes: Axes, fulcrum_mm: float, x: float, y: float, **look: Any) -> None:
-    """A point in the colour of its setting."""
     axes.plot(x, y, **{"marker": "o", "markersize": 8, "linestyle": "", "color": _colour(fulcrum_mm), **look})
 
 
 def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
-    """A curve with about twenty markers."""
     axes.plot(x, y, **{"color": "black", "marker": "o", "markersize": 3.5, "markevery": max(1, round(len(x) / 20)),
                        **look})
 
@@ -151,9 +148,6 @@ def outcomes_figure(figure: Figure, table: TuningTable) -> None:
         axes.set_title(textwrap.fill(f"{row.label}{hardly}", 38), loc="left")
 
 
-# Forces, motion and torques at the optimum: against the recorded ones, and simulated again with the full keel.
-
-
 _RECORDED: dict[str, Any] = {"label": "recorded", "color": "0.45", **MEASURED}
 _LINES: dict[str, dict[str, Any]] = {
     "_recorded": _RECORDED,
@@ -189,7 +183,7 @@ def stride_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
 
 @_drawn
 def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
-    """Level 1: the prosthetic foot's force in up to three trials, at three settings and as recorded."""
+    """Level 1: the prosthetic foot's force in up to three trials."""
     shown, swept_mm = reading.drawn_trials(table, arrays), [row.fulcrum_mm for row in table.sweep]
     looks = {"recorded": _RECORDED}
     ends = (min(swept_mm, default=None), table.fulcrum_mm, max(swept_mm, default=None))
@@ -205,7 +199,7 @@ def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
 
 @_drawn
 def stride_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) -> None:
-    """Level 2: coordinates (`key` "q") or joint torques ("torque") over the gait cycle, and the recorded ones."""
+    """Level 2: coordinates ("q") or joint "torque" over the gait cycle, and the recorded ones."""
     count = np.shape(arrays[key])[1]
     names, across = map(str, arrays["names"][-count:]), 4 if count > 6 else 3
     figure.set_size_inches(_WIDE, 0.6 + 2.3 * -(-count // across))
@@ -230,12 +224,9 @@ def _line(name: str, values: np.ndarray) -> np.ndarray:
     return np.asarray(1e3 * (values - np.polyval(np.polyfit(i, values, 1 if name == "pelvis_tx" else 0), i)))
 
 
-# Between two costs, between one setting and several, and how firm the setting is when the contact is not.
-
-
 @_drawn
 def pareto_figure(figure: Figure, table: TuningTable) -> None:
-    """The front of two costs: each point is the best that one weight gives."""
+    """The front of two costs."""
     points = [(row.fulcrum_mm, (row.first, row.second)) for row in table.pareto
               if row.fulcrum_mm is not None and row.first is not None and row.second is not None]
     first, second = (f"{name.replace('_', ' ')} (in its unit)" for name in table.pareto_names)
@@ -302,9 +293,6 @@ def robustness_figure(figure: Figure, table: TuningTable) -> None:
     label(axes, x=FULCRUM, y="", title="The optimum when something is changed")
 
 
-# A schedule: the cost of every task over the range, and the setting over what tells the tasks apart.
-
-
 @_drawn
 def schedule_curves_figure(figure: Figure, table: Schedule) -> None:
     """By how much each task's cost exceeds its own least, over the fulcrum; the one setting for all as a line."""
@@ -326,7 +314,7 @@ def schedule_curves_figure(figure: Figure, table: Schedule) -> None:
 
 @_drawn
 def policy_figure(figure: Figure, table: Schedule, name: str) -> None:
-    """The setting over one descriptor, `name`, with its lookup between and outside of the tasks."""
+    """The setting over one descriptor, `name`, with its lookup."""
     rows = sorted(((getattr(row, name), row.exact_mm, row) for row in table.tasks if row.exact_mm is not None),
                   key=lambda row: row[0])
     x, y = [at for at, _, _ in rows], [exact_mm for _, exact_mm, _ in rows]

@@ -82,7 +82,7 @@ def telling(schedule: Schedule) -> str | None:
 
 
 def curved(schedule: Schedule) -> list[TaskSetting]:
-    """Tasks of a schedule whose cost is known over the range."""
+    """Tasks whose cost is known over the range."""
     return [row for row in schedule.tasks if len(row.sweep.fulcrum_mm) > 1]
 
 

@@ -39,10 +39,7 @@ from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, Planar
 
 
 class _Columns:
-    """Places of q, v, a (n each), w, u (k each) and p (fulcrum, heel, alignment, thickness) among the derivatives.
-
-    `link`: of q, w, fulcrum and alignment, in this order.
-    """
+    """Places of q, v, a, w, u and p among the derivatives; `link`: of q, w, fulcrum and alignment, in this order."""
 
     def __init__(self, n: int, k: int, link: np.ndarray) -> None:
         self.n, self.k = n, k
@@ -63,11 +60,7 @@ def linearise(
     smoothing: Smoothing
 ) -> tuple[np.ndarray, np.ndarray]:
     """Values (m, N) of `SagittalModel.evaluate` at real arrays (n, N), and (m, 52, N) derivatives by what is given, in
-    order.
-
-    Row by row the outputs are: balance of the pelvis (3), of socket and keel (k); torques of hips, knees and ankle
-    (n - 3) and their powers; the ground's fx, fz, my on each foot (6); the socket's forces (3); power, energy, soles.
-    """
+    order."""
     n, k, dynamics, at = len(q), len(w), model.dynamics, _Columns(len(q), len(w), model.dynamics.link)
     y = model.evaluate(q, v, a, w, u, p, smoothing)
     by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
@@ -184,10 +177,8 @@ def _load_change(
 def _add_support(
     model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_load: np.ndarray, at: _Columns
 ) -> np.ndarray:
-    """Adds to (k, 52, N) what joints give against the support; (52, N) derivatives of its energy.
-
-    By turns of the joints and the fulcrum's place in complex steps, one each; by rates it is damping dw/dq_i dw/dq_k.
-    """
+    """Adds to (k, 52, N) what joints give against the support, by complex steps and, for rates, damping dw/dq_i
+    dw/dq_k; (52, N) derivatives of its energy."""
     count = len(model.support.starts)
     first, each = len(w) - count, np.arange(count)
     turned, rates = (np.repeat(x[first:, None], count + 1, 1).astype(complex) for x in (w, u))
@@ -242,16 +233,11 @@ def _cross_force(m: np.ndarray, f: np.ndarray) -> np.ndarray:
 
 
 def _of(matrix: np.ndarray, m: np.ndarray) -> np.ndarray:
-    """Matrices (3, 3, L, N) times (3, L, N)."""
     return np.asarray(np.einsum("cdln,dln->cln", matrix, m))
 
 
 def _times(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(j, k, N) products of (c, j, N) and (c, k, N)."""
     return np.asarray(np.einsum("cjn,ckn->jkn", left, right))
-
-
-# How the ground's wrench on a foot changes with the motion of the foot's links.
 
 
 @dataclass(frozen=True, eq=False)

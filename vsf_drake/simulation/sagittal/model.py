@@ -13,6 +13,7 @@ Geometry, masses, springs and contact are those of the walker's plant and Contex
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -123,13 +124,11 @@ class SagittalModel:
     def motion(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray
     ) -> PlanarMotion:
-        """Motion of all links; arguments as for `evaluate`."""
         still, nil = np.zeros_like(w), np.zeros_like(p[:2])
         return self.dynamics.move(np.concatenate([q, w, p[:1] + self.shift, p[2:3]]), np.concatenate([v, u, nil]),
                                   np.concatenate([a, still, nil]))
 
     def spring_scale(self, thickness: np.ndarray) -> np.ndarray:
-        """(12, ...) of the springs' forces: a keel so much thicker."""
         keel = thickness * thickness * thickness
         return np.stack([np.ones_like(keel)] * len(SOCKET) + [keel] * (len(self.quasi_static) - len(SOCKET)))
 
@@ -180,9 +179,6 @@ class Support:
         return force * by, 0.5 * self.stiffness * deflection * deflection, by
 
 
-# Springs of socket and keel with smooth corners: the bushing's law with its stops, and the keel's joints.
-
-
 STOP_WIDTH = 0.1  # of a stop's corner, in its limit; a choice
 TENSION_WIDTH = 2e-4
 """m (or rad) over which the socket goes from its stiffness in compression to that in tension; a choice."""
@@ -210,9 +206,6 @@ def spring_forces(
             for sign in (1.0, -1.0):
                 drag[i] += sign * stop * rounded_positive_part(sign * u[i] - rate_limit, STOP_WIDTH * rate_limit)
     return -scale * (elastic + tall(rows[:, 2], w) * drag), scale * energy
-
-
-# The contact spheres of the feet, as the sagittal plane sees them, and the ground's wrenches on them.
 
 
 SOLE_BLEND = 2e-3  # m over which the lowest of a foot's spheres is blended from one to the next; a choice
@@ -279,7 +272,7 @@ def normal(
     spheres: Spheres, depth: np.ndarray, rate: np.ndarray, heel: np.ndarray, smoothing: Smoothing
 ) -> np.ndarray:
     """(s, ...) N at depths (m) and their rates (m/s); `heel` scales the heel's stiffness."""
-    law = {name: tall(spheres.columns[name], depth) for name in _NORMAL}
+    law: dict[str, Any] = {name: tall(spheres.columns[name], depth) for name in _NORMAL}
     law["stiffness"] = law["stiffness"] * np.where(tall(spheres.heel, depth), heel, 1.0)
     law["damping"] = smoothing.damping * law["damping"]
     force = kelvin_voigt.normal_force(rounded_positive_part(depth, smoothing.depth_m),

@@ -47,7 +47,6 @@ class PlanarDynamics:
                 self.carries[:, j] += self.carries[:, link.parent]
 
     def move(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> PlanarMotion:
-        """Motion at coordinates, rates and accelerations (L, ...)."""
         q, v, a = q[self.coordinate], v[self.coordinate], a[self.coordinate]
         tail = (-1, *(1,) * (q.ndim - 1))
         turn, angle = self._turn.reshape(tail), self._angle.reshape(tail)
@@ -84,7 +83,6 @@ class PlanarDynamics:
         return _product(self.carries.T, y)
 
     def of_carried(self, y: np.ndarray) -> np.ndarray:
-        """The sum of y over what each link carries, and it."""
         return _product(self.carries, y)
 
     def joint_forces(self, motion: PlanarMotion, F: np.ndarray) -> np.ndarray:
@@ -193,7 +191,6 @@ def planar_tree(tree: Tree, names: Sequence[str], *, turning_weld: str | None = 
 
 
 def _then(at: np.ndarray, angle: float, p: np.ndarray, R: np.ndarray, name: str) -> tuple[np.ndarray, float]:
-    """A frame at (p, R) in one that is at (at, angle)."""
     R = R.reshape(3, 3)
     if abs(R[1, 1]) < IN_PLANE:
         raise InputError(f"the frame of {name} is turned out of the sagittal plane by "

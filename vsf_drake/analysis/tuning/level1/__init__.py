@@ -9,7 +9,7 @@ from vsf_drake.analysis.tuning.common import COSTS, DESIGN, WEIGHTED
 from vsf_drake.analysis.tuning.level1.options import TuningOptions
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
 from vsf_drake.analysis.tuning.level1.solution import TuningSolution, tuning_arrays, tuning_table
-from vsf_drake.analysis.tuning.level1.solve import TuningProgress, solve
+from vsf_drake.analysis.tuning.level1.solve import solve
 
-__all__ = ("COSTS", "DESIGN", "WEIGHTED", "StiffnessTuning", "TuningOptions", "TuningProgress", "TuningSolution",
-           "solve", "tuning_arrays", "tuning_table")
+__all__ = ("COSTS", "DESIGN", "WEIGHTED", "StiffnessTuning", "TuningOptions", "TuningSolution", "solve",
+           "tuning_arrays", "tuning_table")

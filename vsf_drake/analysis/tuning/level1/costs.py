@@ -53,17 +53,14 @@ class WalkLoads:
 
     @property
     def grf(self) -> np.ndarray:
-        """(n, 3, 1 + P) N, the force of the ground in W."""
         return self.ground[:, 3:]
 
 
 def walk_loads(
     walker: Walker, walk: Walk, by: np.ndarray | None, joints: Sequence[str], cutoff_hz: float
 ) -> WalkLoads:
-    """Reads a `walk` that `walker` made, through a zero-phase low-pass, which is linear: so do the derivatives.
-
-    `by` has the derivatives (Q, P) of the walk's `with_respect_to`, made `with_loads`, by the design variables, if any.
-    """
+    """Reads a `walk` that `walker` made, through a zero-phase low-pass; `by` has the derivatives (Q, P) of the walk's
+    `with_respect_to`, made `with_loads`, by the design variables, if any."""
     record, tree = walk.record, walk.mechanism.tree
     columns = [tree.index(name) for name in joints]
     wrench = sum_sites(record.sites[:, :len(walker.gait.person.foot.sites.radius)])
@@ -104,7 +101,6 @@ class StanceFrame:
 
     @property
     def duration_s(self) -> float:
-        """Of all stances together."""
         return float(sum(stance.duration_s for stance in self.stances))
 
 
@@ -219,7 +215,7 @@ def deviation(frame: StanceFrame, loads: WalkLoads, from_W: np.ndarray) -> Terms
 
 
 def joint_load(frame: StanceFrame, loads: WalkLoads, *, socket_weight: float) -> Terms:
-    """The squared moments of the joints, and the socket's squared load multiplied by its weight."""
+    """Squared moments of the joints, and the weighted squared load of the socket."""
     force, moment = frame.weight_n, frame.weight_n * frame.leg_m
     socket = loads.socket / np.repeat([force, moment], 3)[:, None]
     return {"joint_moments": mean_square(loads.joints / moment, frame.inside, frame.duration_s),
@@ -289,10 +285,8 @@ def sizes(own: Sequence[Mapping[str, Terms]]) -> dict[str, float]:
 
 
 def combine(name: str, size: Mapping[str, float], options: TuningOptions) -> Combination:
-    """The cost `name` of COSTS, or the weighted one; `size` as of `sizes`.
-
-    A change of force of `consistency_bw` counts `consistency_weight` of the cost's size; tracking has no such part.
-    """
+    """The cost `name` of COSTS, or the weighted one. A change of force of `consistency_bw` counts `consistency_weight`
+    of the cost's size; tracking has no such part."""
     share = options.consistency_weight / options.consistency_bw**2
     if name == WEIGHTED:
         whole = sum(options.weights.values())

@@ -21,11 +21,10 @@ class TuningOptions(CommonOptions):
     """Options of a stiffness tuning with the motion given, beside those of `CommonOptions`.
 
     Attributes:
-        consistency_weight: what a change of the ground reaction force by `consistency_bw` adds to the cost, as a share
-            of its size at the trials' own positions; `consistency_bw` is in body weights, root mean square over stance.
-            Motion being given, a change of the force is one that nothing in the recording pays for. With 0.2 it makes
-            up less than 5 % of the cost at the optima of the embedded trials, where the force has changed by less than
-            5 % body weight; with 0.05, a force changed by 20 % would pay for push-off.
+        consistency_weight: what a change of the ground reaction force by `consistency_bw` (body weights, root mean
+            square over stance) adds to the cost, as a share of its size at the trials' own positions. Motion being
+            given, nothing in the recording pays for such a change. With 0.2 it makes up less than 5 % of the cost at
+            the optima of the embedded trials; with 0.05, a force changed by 20 % would pay for push-off.
         margin_s: that is counted before and after stance, because a setting moves touch-down and toe-off.
         support_width_m: on either side of a keel joint, over which the support passes from one piece of the keel to the
             next, so that the cost has a derivative there too; 0 for none. Less where joints are nearer.
@@ -131,11 +130,8 @@ def walk_setting(
     design: tuple[DesignVariable, ...], x: np.ndarray, variables: Mapping[str, Variable], foot: FootParameters,
     base: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
-    """What a walk takes at x (P,), the values of `design` in their units, the fulcrum first; `base` as above.
-
-    Returns:
-        Values of the walk's variables, and by name the derivatives (P,) of these and of the fulcrum's shift by x.
-    """
+    """What a walk takes at x (P,), the values of `design` in their units, the fulcrum first; `base` as above: values of
+    the walk's variables, and by name the derivatives (P,) of these and of the fulcrum's shift by x."""
     values, by = dict(base), {SHIFT: np.zeros(len(design))}
     by[SHIFT][0] = MM
     for p, variable in enumerate(design[1:], start=1):

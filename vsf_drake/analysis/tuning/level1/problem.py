@@ -45,7 +45,7 @@ Scaled = Callable[[np.ndarray, bool], tuple[float, np.ndarray]]  # see `Stiffnes
 
 @dataclass(frozen=True, eq=False)
 class SettingOutcome:
-    """One walk of a trial at one setting: the terms of all costs, what they were made of, and the trial's frame."""
+    """One walk of a trial at one setting."""
 
     terms: dict[str, Terms]
     walk: Walk
@@ -107,7 +107,6 @@ class TuningEvaluation:
 
     @property
     def cost(self) -> float:
-        """J, in the unit of the cost."""
         return value_of(self.terms)
 
     @property
@@ -117,7 +116,6 @@ class TuningEvaluation:
 
     @property
     def unconverged(self) -> int:
-        """Steps of the walks that did not converge."""
         return int(sum(np.sum(~walk.walk.record.converged) for walk in self.walks))
 
 
@@ -127,15 +125,11 @@ class StiffnessTuning:
     Args:
         trials: one or more, with the contact that was fitted to them (`motion.fitted_trial.trial_with`).
         cost: "joint_load", "metabolic", "push_off", "tracking" or "weighted"; see `costs`.
-        labels: of the trials; their files' names if None.
-        tasks: name of the motion that each trial is of, such as a speed, for comparing one setting for all with one for
-            each; every trial its own if None.
+        tasks: name of the motion that each trial is of, such as a speed; every trial its own if None.
         walkers: of the trials, built before; made here if None.
 
-    Raises:
-        InputError: the trials do not belong together or do not support the cost; bounds are out of reach; a trial has
-            no whole stance of the prosthetic foot.
-        SimulationError: a trial cannot be walked at its own setting.
+    InputError: the trials do not belong together or do not support the cost; bounds are out of reach; a trial has no
+    whole stance of the prosthetic foot. SimulationError: a trial cannot be walked at its own setting.
     """
 
     def __init__(
@@ -177,12 +171,10 @@ class StiffnessTuning:
                                walkers=[part.walker for part in self.parts])
 
     def from_u(self, u: np.ndarray) -> np.ndarray:
-        """(P,) the setting at search coordinates within 0 and 1."""
         x: np.ndarray = np.clip(self.low + np.asarray(u) * (self.high - self.low), self.low, self.high)
         return x
 
     def to_u(self, x: np.ndarray) -> np.ndarray:
-        """(P,) search coordinates of a setting."""
         return np.asarray((x - self.low) / (self.high - self.low))
 
     def evaluate(self, x: np.ndarray, *, derivatives: bool = True, step_s: float | None = None) -> TuningEvaluation:
@@ -231,7 +223,6 @@ def _names(given: Sequence[str] | None, default: tuple[str, ...], where: str) ->
 
 
 def _walkers(trials: Sequence[Trial]) -> list[Walker]:
-    """One walker for each person with a device: several trials share it."""
     walkers: list[Walker] = []
     for trial in trials:
         same = (walker for walker in walkers if (walker.subject, walker.model) == (trial.subject, trial.model))
@@ -240,7 +231,6 @@ def _walkers(trials: Sequence[Trial]) -> list[Walker]:
 
 
 def _check_trials(trials: Sequence[Trial], costs: Sequence[str], options: TuningOptions) -> None:
-    """Raises InputError unless these are trials, at least one, of prostheses on one side, that can bear the costs."""
     if isinstance(trials, (Trial, str, bytes)) or not all(isinstance(trial, Trial) for trial in trials):
         raise InputError("is no list of trials", where="trials", right="Give a list of what load_trial returns")
     if not trials:

@@ -36,10 +36,7 @@ class TuningSearch:
 
 @dataclass(kw_only=True, eq=False)
 class TuningSolution:
-    """The end of a tuning. Reading `values`, `fulcrum_mm` or `cost` of one that failed raises FitError.
-
-    What had not been reached when a tuning was interrupted is empty or None.
-    """
+    """The end of a tuning; what had not been reached when it was interrupted is empty or None."""
 
     tuning: StiffnessTuning
     success: bool = False  # whether a search ended at a minimum that the sweep confirms, where all walks converged
@@ -63,19 +60,17 @@ class TuningSolution:
 
     @property
     def values(self) -> dict[str, float]:
-        """What was tuned, by name, in the units of `tuning.design`. Raises FitError if the tuning failed."""
+        """What was tuned, by name, in the units of `tuning.design`. FitError if the tuning failed."""
         if not self.success:
             raise FitError(f"the tuning did not come to an optimum: {self.message}")
         return {variable.name: float(x) for variable, x in zip(self.tuning.design, self.best.x, strict=True)}
 
     @property
     def fulcrum_mm(self) -> float:
-        """Of the best setting, from A. Raises FitError if the tuning failed."""
         return self.values["fulcrum"]
 
     @property
     def cost(self) -> float:
-        """Of the best setting, in the cost's unit. Raises FitError if the tuning failed."""
         return self.best.cost if self.values else float("nan")
 
     @property
@@ -122,7 +117,6 @@ def tuning_table(solution: TuningSolution) -> t.TuningTable:
 
 
 def _means(values: dict[str, np.ndarray], position: int) -> dict[str, float | None]:
-    """Over trials, by name."""
     return {name: float(each[:, position].mean()) for name, each in values.items()}
 
 

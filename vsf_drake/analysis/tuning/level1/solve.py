@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverOptions
 from scipy.stats import qmc
 
 from vsf_drake.analysis.drake_solve import solved
-from vsf_drake.analysis.tuning.common import TuningCheck
+from vsf_drake.analysis.tuning.common import Progress, TuningCheck
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING, value_of
 from vsf_drake.analysis.tuning.level1.options import DesignVariable
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TuningEvaluation
@@ -42,23 +41,11 @@ ASIDE = 5e-3  # share of a bound's width by which the neighbours lie that a mini
 WORSE = 1e-7  # share of the cost's size by which a neighbour may seem better: rounding of walks
 
 
-@dataclass(frozen=True)
-class TuningProgress:
-    """Where a tuning is."""
-
-    stage: str  # what is being done, in words
-    fraction: float | None  # of the stage, where it is known
-    evaluations: int  # settings so far
-    cost: float | None  # the lowest of the running search, at `fulcrum_mm`; None elsewhere
-    fulcrum_mm: float | None
-    elapsed_s: float
-
-
 class Run:
     """Evaluates for solvers; keeps the best point of all searches (`best`) and of the running one (`here`)."""
 
-    def __init__(self, tuning: StiffnessTuning, progress: Callable[[TuningProgress], None] | None = None) -> None:
-        self.tuning, self.progress, self.began = tuning, progress, time.perf_counter()
+    def __init__(self, tuning: StiffnessTuning, progress: Progress | None = None) -> None:
+        self.tuning, self.progress = tuning, progress
         self.stage, self.interrupted = "", False
         self.best: TuningEvaluation | None = None
 
@@ -66,9 +53,8 @@ class Run:
         """Calls `progress`, within a search with its lowest cost so far."""
         if self.progress:
             here = self.here if fraction is None else None
-            self.progress(TuningProgress(
-                self.stage, fraction, self.tuning.evaluations, here.cost if here else None,
-                float(here.x[0]) if here else None, time.perf_counter() - self.began))
+            best = f", {here.x[0]:.1f} mm, cost {here.cost:.5g}" if here else ""
+            self.progress(f"{self.stage}{best}", fraction or 0.0)
 
     def begin(self, step_s: float) -> None:
         """A new search."""
@@ -104,10 +90,7 @@ class Run:
 def search(
     tuning: StiffnessTuning, start: np.ndarray, *, solver: str = "snopt", step_s: float, run: Run | None = None
 ) -> TuningSearch:
-    """Searches from `start` (P,) by "snopt", "ipopt" or "nlopt"; `run` has the best point, after an interrupt too.
-
-    A walk that fails at the start makes a search that failed, not an error.
-    """
+    """Searches from `start` (P,); a walk that fails there makes a search that failed, not an error."""
     run, start = run or Run(tuning), np.clip(start, tuning.low, tuning.high)
     run.begin(step_s)
     if run.at(start) is None:
@@ -154,8 +137,7 @@ def _is_minimum(run: Run, at: TuningEvaluation) -> bool:
 
 
 def solve(
-    tuning: StiffnessTuning, *, progress: Callable[[TuningProgress], None] | None = None,
-    warm_start: Mapping[str, float] | None = None
+    tuning: StiffnessTuning, *, progress: Progress | None = None, warm_start: Mapping[str, float] | None = None
 ) -> TuningSolution:
     """Tunes. An interrupt (Ctrl-C) ends it early: the best point so far comes back in a solution that failed.
 
@@ -164,7 +146,8 @@ def solve(
         warm_start: `TuningSolution.values` of another tuning, from which one more search begins; InputError if they
             are of other variables. FitError where the walks fail at every setting.
     """
-    solution, run, interrupted = TuningSolution(tuning=tuning), Run(tuning, progress), ""
+    began, interrupted = time.perf_counter(), ""
+    solution, run = TuningSolution(tuning=tuning), Run(tuning, progress)
     warm = _warm(tuning, warm_start)
     try:
         first, solution.searched = _search(solution.searches, tuning, warm, run)
@@ -183,15 +166,14 @@ def solve(
     fault = interrupted or _fault(solution)
     solution.success, solution.message = not fault, fault or (searched.message if searched else "")
     solution.notes = _notes(solution)
-    solution.wall_s = time.perf_counter() - run.began
+    solution.wall_s = time.perf_counter() - began
     return solution
 
 
 def _search(
     searches: list[TuningSearch], tuning: StiffnessTuning, warm: list[np.ndarray], run: Run
 ) -> tuple[TuningSearch, TuningSearch]:
-    """Coarse sweep and searches from it, which are added to `searches`; their best, and that once more in the step of
-    the numbers."""
+    """Coarse sweep and searches from it; their best, and that once more in the step of the numbers."""
     options, run.stage = tuning.options, "coarse sweep"
     coarse = sweep(tuning, positions(tuning, tuning.start, COARSE_MM), step_s=options.search_step_s, progress=run.tell)
     minima = local_minima(coarse.cost)[: options.starts]
@@ -211,7 +193,6 @@ def _search(
 
 
 def _judge(solution: TuningSolution, searched: TuningSearch, first: TuningSearch, run: Run) -> None:
-    """The fine sweep, again the search if that is better, other solvers, and what the optimum is worth."""
     tuning, options, size = solution.tuning, solution.tuning.options, solution.tuning.combination.size
     for _ in range(2):
         run.stage = "sweep"
@@ -270,7 +251,6 @@ def _fault(solution: TuningSolution) -> str:
 
 
 def _notes(solution: TuningSolution) -> list[str]:
-    """What a reader has to know before believing it; the first says so if the result is not optimal."""
     tuning, swept = solution.tuning, solution.sweep
     return say(
         "level1", "notes", solution=solution, options=tuning.options, swept=swept, size=tuning.combination.size,
@@ -280,9 +260,6 @@ def _notes(solution: TuningSolution) -> list[str]:
         recorded=[float(part.own[0]) for part in tuning.parts], unfitted=[
             part.label for part in tuning.parts if not any(note.startswith(APPLIED) for note in part.trial.notes)],
         synthetic=sum(trial.synthetic for trial in tuning.trials), trials=len(tuning.trials))
-
-
-# What a solution is held against: differences, the sweep, other solvers, another step, no smoothing.
 
 
 NEAR_MM, NEAR_COST, SAME_COST, GRADIENT = 1.0, 5e-3, 1e-3, 0.01
@@ -354,7 +331,7 @@ def _checks(solution: TuningSolution, fine: SettingSweep, best: TuningEvaluation
 
 
 def _gradient_error(tuning: StiffnessTuning) -> tuple[float, DesignVariable, float]:
-    """Of the exact derivatives against central differences, away from the optimum: the largest, its variable, where."""
+    """Largest error of the derivatives away from the optimum, its variable, where."""
     worst, width, step_s = (-1.0, tuning.design[0], 0.0), tuning.high - tuning.low, tuning.options.search_step_s
     for share in AT:
         x = tuning.low + share * width

@@ -19,7 +19,7 @@ from vsf_drake.simulation.walk import Walk
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-Progress = Callable[[float], None]  # called with the share of a stage that is done
+Share = Callable[[float], None]  # called with the share of a stage that is done
 KINDS = {
     "stored_energy": ("energy stored in keel, foam and support", "J"),
     "returned_energy": ("energy returned by toe-off", "J"),
@@ -51,7 +51,6 @@ class SettingSweep:
 
     @property
     def fulcrum_mm(self) -> np.ndarray:
-        """(m,) positions of the fulcrum, or (T, m)."""
         return self.x[..., 0]
 
     @property
@@ -61,7 +60,6 @@ class SettingSweep:
 
     @property
     def cost(self) -> np.ndarray:
-        """(m,) the tuned cost, the mean over trials."""
         return np.asarray(self.per_trial.mean(axis=0))
 
     @property
@@ -70,8 +68,7 @@ class SettingSweep:
         return np.asarray(np.sqrt(self.costs[CONSISTENCY]).mean(axis=0))
 
     def believable(self, allowed_bw: float) -> tuple[np.ndarray, tuple[float, float] | None]:
-        """(m,) whether the force changes by no more than that, and from where to where (mm): farther off nobody would
-        walk the given motion."""
+        """(m,) whether the force changes by no more than that, and from where to where (mm)."""
         near: np.ndarray = self.force_change <= allowed_bw
         mm = self.fulcrum_mm[near]
         return near, (float(mm[0]), float(mm[-1])) if len(mm) else None
@@ -91,7 +88,7 @@ def positions(tuning: StiffnessTuning, x: np.ndarray, spacing_mm: float) -> np.n
 
 
 def _each(
-    tuning: StiffnessTuning, work: Callable[[Job], Result], jobs: Sequence[Job], progress: Progress | None
+    tuning: StiffnessTuning, work: Callable[[Job], Result], jobs: Sequence[Job], progress: Share | None
 ) -> Iterator[tuple[Job, Result]]:
     """What `work` makes of every job, in threads, in order."""
     pool = ThreadPoolExecutor(tuning.workers)
@@ -106,7 +103,7 @@ def _each(
 
 def sweep(
     tuning: StiffnessTuning, x: np.ndarray, *, step_s: float, energies_every: int = 0, forces: bool = False,
-    base: Mapping[str, float] | None = None, progress: Progress | None = None
+    base: Mapping[str, float] | None = None, progress: Share | None = None
 ) -> SettingSweep:
     """Walks every trial at settings x (m, P), or at its own of (T, m, P).
 
@@ -240,12 +237,10 @@ SAME_LOAD = {
 
 
 def same_load_outcomes(
-    tuning: StiffnessTuning, fulcrum_mm: np.ndarray, progress: Progress
+    tuning: StiffnessTuning, fulcrum_mm: np.ndarray, progress: Share
 ) -> dict[str, np.ndarray]:
-    """SAME_LOAD of every trial at positions (T, k) of the fulcrum, the device otherwise as it is: by name, (T, k).
-
-    NaN where no height of the pelvis keeps the load, or a walk fails.
-    """
+    """SAME_LOAD at positions (T, k) of the fulcrum: by name, (T, k), NaN where no height keeps the load, or a walk
+    fails."""
     def walked(job: tuple[int, float]) -> tuple[float, float, float]:
         part = tuning.parts[job[0]]
         try:
@@ -261,9 +256,6 @@ def same_load_outcomes(
         for name, value in zip(SAME_LOAD, numbers, strict=True):
             energies[name][i, fulcrum_mm[i] == at] = value
     return energies
-
-
-# One setting for several motions against one for each, and the trade-off between two costs: read off a sweep.
 
 
 def tasks(swept: SettingSweep, names: Sequence[str], common_mm: float) -> list[TaskOptimum]:

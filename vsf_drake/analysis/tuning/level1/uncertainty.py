@@ -24,7 +24,7 @@ from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M, standar
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning
-from vsf_drake.analysis.tuning.level1.sweep import Progress, SettingSweep, lowest, positions, sweep
+from vsf_drake.analysis.tuning.level1.sweep import SettingSweep, Share, lowest, positions, sweep
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.sentences import say
 from vsf_drake.simulation.walk import Walker
@@ -67,8 +67,7 @@ def difference(each: np.ndarray, groups: Groups) -> Difference:
 
 @dataclass(frozen=True)
 class Worth:
-    """How well the best position is known, and whether it matters: `uncertainty` and `matters` are of the cost's range
-    over the positions."""
+    """How well the best position is known; `uncertainty` and `matters` are of the cost's range over the positions."""
 
     interval_mm: tuple[float, float]
     interval_meaning: str  # what it holds, in words
@@ -81,12 +80,8 @@ def fulcrum_uncertainty(
     swept: SettingSweep, fulcrum_mm: float, draws: Sequence[SettingSweep], groups: Groups, *, size: float, unit: str,
     allowed_bw: float, gain: float
 ) -> Worth:
-    """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size.
-
-    Args:
-        allowed_bw: change of force (body weights) beyond which nobody would walk the given motion.
-        gain: by how much the optimum is better than the recorded settings, in sizes of the cost.
-    """
+    """From the sweep of T trials of these groups, the optimum (mm), the draws and the cost's size; allowed_bw: change
+    of force beyond which nobody would walk the given motion; gain: over the recorded settings, in sizes of the cost."""
     each = swept.per_trial
     optima = np.array([lowest(swept.fulcrum_mm, row)[0] for row in each])
     drawn = [at for at, _ in (draw.lowest() for draw in draws) if np.isfinite(at)]
@@ -183,7 +178,7 @@ def contact_draws(walker: Walker, side: str, count: int, seed: int) -> list[dict
 
 
 def drawn_sweeps(
-    tuning: StiffnessTuning, x: np.ndarray, progress: Progress
+    tuning: StiffnessTuning, x: np.ndarray, progress: Share
 ) -> tuple[list[SettingSweep], list[str]]:
     """A sweep, but for the fulcrum at x (P,), for each of the options' draws that walk, and why others do not."""
     first = tuning.parts[0]

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from vsf_drake.analysis.tuning import table as t
-from vsf_drake.analysis.tuning.common import COSTS, SETTINGS, WEIGHTED, TuningCheck, check_cost
+from vsf_drake.analysis.tuning.common import COSTS, SETTINGS, WEIGHTED, Progress, TuningCheck, check_cost
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
 from vsf_drake.analysis.tuning.level2.stride import LABELS, MM, OWN, Stride, StrideOptions
 from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
@@ -35,20 +35,14 @@ VIOLATION, STARTS_MM = 1e-6, 1.0
 UNITS = ("m", "1", "rad", "1")
 SURE = 2.0  # standard deviations over the drawn contacts by which an outcome's range must exceed to matter (a choice)
 LITTLE = 0.01  # share of the cost below which what a setting gains is called little (a choice)
-Progress = Callable[[str, float, Iteration | None], None]
-"""Called with what is being solved, the finished fraction, and the last iteration."""
 PASSES = ("cold", "upward", "downward")
 
 
 class StrideTuning:
     """The fulcrum's position, and design variables, that with the best motion for them minimise a cost.
 
-    Args:
-        trials: one trial with its fitted contact applied; the stride is the one around its prosthetic stance.
-        cost: of `common.COSTS` or WEIGHTED.
-
-    InputError: there is not exactly one trial; the recording holds no whole stride, or no plate of the prosthetic foot;
-    the prosthesis is turned out of the sagittal plane; the range of the fulcrum is out of the carriage's reach.
+    InputError: there is not exactly one trial, its fitted contact applied; the recording holds no whole stride, or no
+    plate of the prosthetic foot; the prosthesis is turned out of the sagittal plane; the range is out of reach.
     """
 
     def __init__(
@@ -98,24 +92,27 @@ class StrideSearch:
     progress: Progress | None = None
 
     def at(self, fulcrum_mm: float, start: Start, what: str, fraction: float = 0.0) -> TrajectorySolution:
-        """The best stride at a fixed position, from a start on."""
         return self._solve((fulcrum_mm, fulcrum_mm), (), start, what, fraction)
 
     def free(self, start: Start, what: str, fraction: float = 0.0) -> TrajectorySolution:
-        """The best stride with the fulcrum and the options' design free."""
         return self._solve(self.stride.reach_mm, self.stride.options.design, start, what, fraction)
 
     def _solve(self, fulcrum_mm: tuple[float, float], design: tuple[str, ...], start: Start, what: str,
                fraction: float) -> TrajectorySolution:
-        stride, report, options = self.stride, self.progress, self.stride.options
+        stride, options = self.stride, self.stride.options
+
+        def report(iteration: Iteration) -> None:
+            if self.progress:
+                self.progress(f"{what}, iteration {iteration.number}, cost {iteration.cost:.5g}", fraction)
+
         return sqp.solve(stride.problem(stride.minimised(self.cost, self.sizes), fulcrum_mm, design), start,
                          sqp.CollocationOptions(iterations=options.iterations, time_limit_s=options.time_limit_s),
-                         None if report is None else lambda iteration: report(what, fraction, iteration))
+                         report)
 
 
 def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None = None) -> TrajectorySolution:
-    """The recorded stride as a possible motion, through the stages of smoothing to the last one, which alone is made
-    where a stride to begin with is given (`warm`)."""
+    """The recorded stride as a possible motion, through the stages of smoothing, or in the last alone from `warm`
+    on."""
     own, stages = stride.own_m / MM, stride.options.stages if warm is None else stride.options.stages[-1:]
     solution: TrajectorySolution | None = None
     for i, smoothing in enumerate(stages):
@@ -129,8 +126,7 @@ def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None
 
 
 def swept(search: StrideSearch, tracked_stride: Start, rows: list[Fixed], *, chains: bool) -> None:
-    """Fills `rows` with the best stride at each fixed position: of a cold start, and with `chains` of warm ones from
-    the neighbours on both sides."""
+    """Fills `rows` from a cold start, and with `chains` from the neighbours on both sides."""
     rows[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
     passes = PASSES if chains else PASSES[:1]
     for number, kind in enumerate(passes):
@@ -148,7 +144,7 @@ def swept(search: StrideSearch, tracked_stride: Start, rows: list[Fixed], *, cha
 
 
 def unless_interrupted(solution: TrajectorySolution) -> TrajectorySolution:
-    """The solution. Raises KeyboardInterrupt if that was what ended it."""
+    """The solution, unless Ctrl-C ended it."""
     if solution.status == "interrupted":
         raise KeyboardInterrupt
     return solution
@@ -179,29 +175,25 @@ class StrideSolution:
 
     @property
     def solved(self) -> list[tuple[float, TrajectorySolution]]:
-        """Fixed positions (mm) with a stride."""
         return [(row.fulcrum_mm, row.solution) for row in self.sweep if row.solution is not None]
 
     @property
     def success(self) -> bool:
-        """Whether there is an optimum and nothing ended the tuning before it was checked."""
         return self.best is not None and not self.message.startswith("interrupted")
 
     @property
     def stride(self) -> TrajectorySolution:
-        """The optimal stride. Raises FitError if there is none."""
+        """FitError if there is none."""
         if not self.success or self.best is None:
             raise FitError(f"this tuning has no optimum: {self.message}")
         return self.best
 
     @property
     def fulcrum_mm(self) -> float:
-        """The best position from A."""
         return position_mm(self.stride)
 
     @property
     def cost(self) -> float:
-        """The cost there."""
         return self.stride.cost
 
     @property
@@ -209,9 +201,6 @@ class StrideSolution:
         """The best there is, optimum or not."""
         fixed = [solution for _, solution in self.solved]
         return self.best or min(fixed, key=lambda s: s.last_cost, default=self.tracked)
-
-
-# What a person and a device would notice of a stride that was solved for.
 
 
 KINDS = {
@@ -264,17 +253,11 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
         "force_change": float(np.sqrt(max(force)) / weight) if force else float("nan")}
 
 
-# The way to an optimum.
-
-
 def solve(
     tuning: StrideTuning, *, progress: Progress | None = None, warm_start: Mapping[str, np.ndarray] | None = None
 ) -> StrideSolution:
-    """Tracks the recording, sweeps the fulcrum, frees it, and checks what comes out.
-
-    The stride of `warm_start`, arrays of an earlier solution of the same stride and grid, is where the tracking starts.
-    SimulationError where keel and socket find no balance under the recorded motion.
-    """
+    """Tracks the recording, sweeps the fulcrum, frees it, and checks what comes out. `warm_start`: arrays of an earlier
+    solution of the same stride and grid. SimulationError where keel and socket find no balance."""
     began, warm = time.perf_counter(), None
     if warm_start is not None:
         if not {"tracked_z", "tracked_p"} <= warm_start.keys():
@@ -312,7 +295,7 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
     _draw(result, result.best)
     for solver in options.confirm:
         if progress:
-            progress(f"confirming with {solver}", 0.9, None)
+            progress(f"confirming with {solver}", 0.9)
         result.confirmed.append(_confirmed(result.best, solver, options.time_limit_s))
     return "first-order conditions hold"
 
@@ -326,11 +309,7 @@ def _spread(good: list[tuple[float, TrajectorySolution]], count: int) -> list[tu
     return taken
 
 
-# Checks of an optimal stride: carried out by the full model, on a finer mesh, with softer contact, by other solvers.
-
-
 def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress | None) -> None:
-    """Fills `result.checks` and `result.simulated`."""
     tuning, search, stride = result.tuning, result.search, result.search.stride
 
     def add(name: str, label: str, value: float | None, unit: str, target: str, met: bool | None, *, part: str = "",
@@ -355,7 +334,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
             spread <= STARTS_MM and len(ends) == len(result.free), converged=len(ends), count=len(result.free),
             spread=spread)
     if progress:
-        progress("re-simulating", 0.5, None)
+        progress("re-simulating", 0.5)
     trajectory = solved_trajectory(best, tuning.walker, outputs=stride.function.names, offsets=tuning.trial.offsets)
     for kind, simulate in (("prescribed", resimulate_prescribed), ("feedback", resimulate_with_feedback)):
         try:
@@ -398,7 +377,6 @@ def _tracking_errors(solution: TrajectorySolution, stride: Stride) -> tuple[floa
 
 
 def _confirmed(best: TrajectorySolution, solver: str, time_limit_s: float) -> t.Confirmation:
-    """Where a solver ends that searches again from the optimum."""
     try:
         again = confirm(best.problem, best.last, solver, time_limit_s=time_limit_s)
     except (InputError, RuntimeError) as error:
@@ -418,9 +396,6 @@ def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
         solution = other.free(best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn))
         rows.append((unless_interrupted(solution), other.stride))
     result.drawn = rows
-
-
-# A tuning with a free motion as records: what `tuning.json` and `tuning.npz` hold.
 
 
 def stride_table(result: StrideSolution) -> t.TuningTable:

@@ -109,9 +109,6 @@ class StrideOptions(CommonOptions):
             raise InputError("there are none", where="stages", right="Give at least one")
 
 
-# The recorded stride on the instants of a grid: what a solution is compared with.
-
-
 SWING_MIDDLE = (0.3, 0.7)  # share of a swing in which the foot must clear the ground
 FEET = ("prosthetic", "intact")
 
@@ -150,7 +147,7 @@ def stride_reference(recorded: RecordedStride, times: np.ndarray, late_share: fl
 
 
 def _share(times_s: np.ndarray, start: float, end: float, period_s: float) -> np.ndarray:
-    """(N,) share of the way from start to end at times that count modulo the period, NaN outside of it."""
+    """(N,) share of the way from start to end at times modulo the period, NaN outside of it."""
     share = np.mod(times_s - start, period_s) / (end - start)
     return np.where(share <= 1.0, share, np.nan)
 
@@ -172,15 +169,12 @@ class StrideFunction:
                       for foot, x in cop_x.items()]
 
     def index(self, *names: str) -> list[int]:
-        """Places of outputs."""
         return [self.names.index(name) for name in names]
 
     def starting_with(self, start: str) -> list[int]:
-        """Places of all outputs whose name begins so."""
         return [i for i, name in enumerate(self.names) if name.startswith(start)]
 
     def evaluate(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """(N, m)."""
         return self._whole(self.model.evaluate(*self._parts(z, p)).T, z)
 
     def linearise(self, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -207,7 +201,7 @@ class StrideFunction:
 
 @dataclass(frozen=True, eq=False)
 class Stride:
-    """A recorded stride of a person on a prosthesis, on a grid of instants and under one smoothing of the contact."""
+    """A recorded stride on a grid of instants and under one smoothing of the contact."""
 
     model: SagittalModel  # of the person
     recorded: RecordedStride
@@ -219,17 +213,14 @@ class Stride:
 
     @cached_property
     def reference(self) -> StrideReference:
-        """The recording at the instants."""
         return stride_reference(self.recorded, self.grid.times_s, self.options.late_share)
 
     @cached_property
     def function(self) -> StrideFunction:
-        """The outputs."""
         return StrideFunction(self.model, self.smoothing, self.reference.cop_x)
 
     @property
     def reach_mm(self) -> tuple[float, float]:
-        """Range of the fulcrum that is searched."""
         fulcrum = self.model.foot.fulcrum
         return self.options.bounds_mm or (fulcrum.rearmost_m / MM, fulcrum.foremost_m / MM)
 
@@ -238,7 +229,6 @@ class Stride:
         return sum(float(self.grid.weights @ part.values(y)) for part in self.terms(cost))
 
     def terms(self, cost: str, factor: float = 1.0) -> list[Term]:
-        """Of a cost by its name, times `factor`."""
         kinds = {"joint_load": self._joint_load, "metabolic": self._metabolic, "push_off": self._push_off,
                  "deviation": self._deviation, "tracking": self._tracking}
         return kinds[cost](factor)
@@ -337,7 +327,7 @@ TYPICAL_LOAD = 0.05  # size of joint_load in walking, to which `torque_weight` r
 
 
 def _work(smooth_w: float) -> Curve:
-    """P+ / POSITIVE + P- / NEGATIVE and its derivatives by the power."""
+    """P+ / POSITIVE + P- / NEGATIVE."""
     mean, difference = 0.5 * (1.0 / POSITIVE + 1.0 / NEGATIVE), 0.5 * (1.0 / POSITIVE - 1.0 / NEGATIVE)
 
     def curve(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -362,7 +352,6 @@ BALANCE_OF_BODY = ("balance_pelvis_tilt", "balance_pelvis_tx", "balance_pelvis_t
 
 
 def _output_scales(names: tuple[str, ...], weight_n: float, moment_nm: float) -> np.ndarray:
-    """(m,) what counts as a change of one: body weight, or that at the length of a leg; a tenth on keel and socket."""
     scale = np.ones(len(names))
     for i, name in enumerate(names):
         kind = name.split("_")[0]
@@ -377,7 +366,6 @@ def _output_scales(names: tuple[str, ...], weight_n: float, moment_nm: float) ->
 
 
 def _variable_scales(layout: Layout) -> np.ndarray:
-    """(Z,) what counts as a change of one."""
     scale = np.ones(layout.size)
     for kind, angle, length in (("q", 0.1, 0.05), ("v", 1.0, 0.5), ("a", 20.0, 10.0)):
         part = getattr(layout, kind)
@@ -441,7 +429,7 @@ def quasi_static_motion(
 
 
 def _solved(by_w: np.ndarray, by_u: np.ndarray, rates: sp.coo_matrix, r: np.ndarray) -> np.ndarray:
-    """w (k, N) for which by_w w + by_u (rates w) is r, with (k, k, N) by instants; an instant's unknowns together."""
+    """w (k, N) for which by_w w + by_u (rates w) is r; an instant's unknowns together."""
     k, N = r.shape
     i, j = (index[..., None] for index in np.indices((k, k)))
     of, at = (np.concatenate([np.arange(N), part]) * k for part in (rates.row, rates.col))

@@ -52,11 +52,8 @@ FALLEN_TILT, FALLEN_M = math.radians(30.0), 0.15
 
 @dataclass(frozen=True, kw_only=True)
 class FeedbackUse:
-    """How much a torque-driven re-simulation needed beyond the solution's torques, over the compared time.
-
-    A multiplier is the largest magnitude among the eigenvalues of the linearised stride (Floquet): below 1, a small
-    disturbance dies out.
-    """
+    """How much the feedback added over the compared stride. A multiplier is the largest magnitude among the eigenvalues
+    of the linearised stride (Floquet): below 1, a small disturbance dies out."""
 
     share: float  # root mean square of the feedback over that of the solution's torques, all joints together
     feedback_peak: Mapping[str, float]  # by joint, N m
@@ -66,10 +63,8 @@ class FeedbackUse:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resimulation:
-    """A solution of n instants carried out by the stepper with the full model.
-
-    Where the run ended before the solution did, or the person was down, reading a difference raises SimulationError.
-    """
+    """A solution carried out by the full model; reading a difference where the person was down raises
+    SimulationError."""
 
     trajectory: SagittalTrajectory
     body_weight_n: float
@@ -87,7 +82,6 @@ class Resimulation:
 
     @property
     def label(self) -> str:
-        """What it is, in words."""
         return say("resimulation", "label", kind=self.kind)[0]
 
     def difference(self, foot: str) -> float:
@@ -110,20 +104,16 @@ class Resimulation:
 
     @property
     def met(self) -> bool:
-        """Whether it stayed up and within its target."""
         return not self.fell and self.percent_bw <= TARGET_PERCENT_BW[self.kind]
 
     def as_check(self) -> TuningCheck:
-        """As one of the checks that a tuning leaves."""
         return TuningCheck(f"resimulation_{self.kind}", self.label, None if self.fell else self.percent_bw,
                            "% body weight", f"{TARGET_PERCENT_BW[self.kind]:g}", self.met, " ".join(self.sentences()))
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """What a figure of the solution shows of it, on the solution's instants: the ground reaction at 40 Hz."""
         return {f"grf_{foot}_resimulated_{self.kind}": np.array(force) for foot, force in self.grf.items()}
 
     def sentences(self) -> list[str]:
-        """What it found, in words."""
         angles = [(rms, name) for name, rms in self.motion_rms.items() if not name.endswith(("_tx", "_ty"))]
         peaks = self.feedback.feedback_peak if self.feedback else {}
         joint = max(peaks, key=lambda name: peaks[name], default=None)
@@ -136,8 +126,7 @@ def _assess(
     walker: Walker, walk: Walk, trajectory: SagittalTrajectory, record: Record, *, kind: str, shift_s: float = 0.0,
     fell_s: float | None = None, why: str = "", feedback: FeedbackUse | None = None
 ) -> Resimulation:
-    """Lays a run of the mechanism of `walk`, or what there is of it, beside the solution: until `fell_s`, if that is
-    given, its clock ahead of the solution's by `shift_s`, a whole number of periods."""
+    """Lays a run, until `fell_s`, beside the solution, its clock ahead by `shift_s`, whole periods."""
     time, instants = record.time_s, np.asarray(trajectory.time_s, dtype=float) + shift_s
     last = time[-1] if fell_s is None else min(fell_s, time[-1])
     counted = (instants >= time[0] - 1e-9) & (instants <= last + 1e-9)
@@ -249,9 +238,6 @@ def resimulate_with_feedback(
         multiplier=multiplier(closed), open_multiplier=multiplier(steps.A))
     return _assess(walker, walk, trajectory, driven.record, kind=FEEDBACK, shift_s=shift_s, fell_s=driven.fell_s,
                    why=driven.why, feedback=use)
-
-
-# A run of the stepper with the eight sagittal coordinates free under torques, to its end or until the person falls.
 
 
 @dataclass(frozen=True, eq=False)

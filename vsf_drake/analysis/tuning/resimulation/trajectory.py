@@ -93,7 +93,7 @@ class SolutionMotion:
 
 
 def whole_motion(motion: SolutionMotion, names: Sequence[str], start_s: float, end_s: float) -> CoordinateTrajectory:
-    """The coordinates `names` of the person from `start_s` to `end_s`: those out of the sagittal plane are zero."""
+    """The person's coordinates `names`: those out of the sagittal plane are zero."""
     count = max(8, int(np.ceil((end_s - start_s + 2 * BEYOND_S) / SAMPLE_S)) + 1)
     times = np.linspace(start_s - BEYOND_S, end_s + BEYOND_S, count)
     values = np.zeros((len(times), len(names)))
@@ -118,12 +118,7 @@ def solved_trajectory(
     solution: TrajectorySolution, walker: Walker, *, outputs: Sequence[str], offsets: GeometricOffsets | None = None
 ) -> SagittalTrajectory:
     """Motion, torques and ground reaction of a solution, with its fulcrum and its device; FitError where it is none.
-
-    Args:
-        solution: of a problem with the parameters `DESIGN`. outputs: names of its function's outputs, among them the
-            torque_COORDINATE and FOOT_fx, FOOT_fz of `SagittalModel`.
-        walker: whose device the design multiplies. offsets: of the walk, as the sagittal model was made with them.
-    """
+    `outputs` names its function's outputs; the walker's device is what the design multiplies."""
     problem, y = solution.problem, solution.y()
     layout, grid, names = problem.layout, problem.grid, list(outputs)
 
