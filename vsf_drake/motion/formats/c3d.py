@@ -3,11 +3,10 @@
 Read by our own few lines rather than by ezc3d, which needs ten times the file's size in memory and ends the process
 (segmentation fault) on some damaged files; the tests compare the two.
 
-The format is that of the C3D user guide (Motion Lab Systems, https://www.c3d.org): a header block of 512 bytes, a chain
-of groups and parameters, then the frames; numbers in the manner of Intel, DEC or MIPS processors. Everything is checked
-against the file's size before anything is reserved. Force plates (chapter of that name; type 3: Kistler,
-https://isbweb.org/software/movanal/vaughan/kistler.pdf) have a frame P of their own, which follows from their corners:
-x from corner 2 to corner 1, y from corner 4 to corner 1, both in the surface, z = x x y, by rule into the floor.
+The format is that of the C3D user guide (Motion Lab Systems, https://www.c3d.org). Everything is checked against the
+file's size before anything is reserved. Force plates (type 3: Kistler,
+https://isbweb.org/software/movanal/vaughan/kistler.pdf) have a frame P of their own: x from corner 2 to corner 1, y
+from corner 4 to corner 1, both in the surface, z = x x y, by rule into the floor.
 """
 
 from __future__ import annotations
@@ -19,19 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.recording import RawPlate, RawTrial
-from vsf_drake.motion.formats.units import (
-    chunks,
-    file_length_factor,
-    first_of_each,
-    length_factor,
-    moment_factor,
-    without_prefix,
-)
+from vsf_drake.motion.formats import units
+from vsf_drake.motion.formats.recording import LARGEST, RawPlate, RawTrial
 from vsf_drake.sentences import say
 from vsf_drake.text_table import as_label
 
-LARGEST = 1e9  # no force, moment or position is as large, in any unit
 MASSES_KG, STATURES_M = (20.0, 250.0), (0.8, 2.5)
 MOST_FRAMES, MOST_PLATES, MOST_RECORDS = 100_000_000, 64, 100_000
 MOST_16_BITS = 65535  # what the header says as last frame where there are more
@@ -54,7 +45,7 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     rate = c3d.number("POINT:RATE") or c3d.rate_hz
     if not (np.isfinite(rate) and 0.0 < rate < 1e6):
         raise InputError(f"the frame rate {rate:g} makes no sense", file=path, where="POINT:RATE")
-    factor = file_length_factor(" ".join(c3d.texts("POINT:UNITS")[:1]), length_unit, path, "POINT:UNITS")
+    factor = units.file_length_factor(" ".join(c3d.texts("POINT:UNITS")[:1]), length_unit, path, "POINT:UNITS")
     notes: list[str] = []
     start, fast = (c3d.first_frame - 1) / rate, rate * c3d.subframes
     labels, kept = _labels(c3d, notes)
@@ -62,19 +53,16 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     if labels:
         positions = c3d.read_points(kept, length_m=factor)
         unseen = np.isnan(positions[..., 0]).all(axis=0)
-        first = first_of_each(labels, notes, lambda i: bool(unseen[i]))
+        first = units.first_of_each(labels, notes, lambda i: bool(unseen[i]))
         if len(first) < len(labels):
             labels, positions = [labels[i] for i in first], positions[:, first]
     if c3d.subframes != c3d.stated_subframes and c3d.channels:
         notes += say("files", "said", file=path.name, said=f"{c3d.stated_subframes} analog samples a frame",
-                     used=f"its parameters and the numbers that a frame holds say {c3d.subframes}, which was used")
+                     used=f"its parameters say {c3d.subframes}, which was used")
     plates = _read_plates(c3d, factor, notes)
     if positions is None and not plates:
         raise InputError("has neither labelled markers nor force plates that can be read", file=path,
                          right=" ".join(notes) or "Export the trial with its marker labels")
-    stated = c3d.number("ANALOG:RATE")
-    if plates and stated and abs(stated / fast - 1.0) > 1e-3:
-        notes += say("files", "analog_rate", file=path.name, stated=stated, subframes=c3d.subframes, rate=fast)
     screen = "".join(c3d.texts("POINT:Y_SCREEN")[:1]).strip().lower()
     screen = screen if screen[:1] in ("+", "-") else f"+{screen}"
     return RawTrial(labels, positions, rate, start, plates, fast, start, notes=notes,
@@ -87,20 +75,18 @@ def c3d_labels(path: Path) -> list[str]:
 
 
 def _labels(c3d: _C3d, notes: list[str]) -> tuple[list[str], list[int]]:
-    """The markers' labels and which points they are: what is computed or has no name is left out."""
     labels = c3d.all_texts("POINT:LABELS")[:c3d.points]
     computed = {label for name in _NOT_POSITIONS for label in c3d.all_texts(f"POINT:{name}")}
     kept = [i for i, label in enumerate(labels) if label and not label.startswith("*") and label not in computed]
     left_out = [label for label in labels if label in computed and label]
     notes += say("files", "points", file=c3d.path.name, computed=left_out,
                  nameless=c3d.points - len(kept) - len(left_out))
-    short, more = without_prefix([labels[i] for i in kept])
+    short, more = units.without_prefix([labels[i] for i in kept])
     notes += more
     return short, kept
 
 
 def _person(c3d: _C3d, notes: list[str]) -> dict[str, float]:
-    """Body mass (kg) and stature (m) that Vicon's software writes, where somebody may weigh and measure so much."""
     facts = {}
     for name, key, factors, (low, high) in (("BODYMASS", "mass_kg", (1.0,), MASSES_KG),
                                             ("HEIGHT", "stature_m", (1e-3, 1e-2, 1.0), STATURES_M)):
@@ -117,7 +103,6 @@ def _person(c3d: _C3d, notes: list[str]) -> dict[str, float]:
 
 
 def _read_plates(c3d: _C3d, length_m: float, notes: list[str]) -> list[RawPlate]:
-    """The plates in the laboratory frame, SI; refused if all are described wrongly."""
     used = c3d.number("FORCE_PLATFORM:USED")
     if not used or used < 0 or not c3d.channels:
         return []
@@ -164,14 +149,14 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
         matrices = np.atleast_3d(c3d.values("FORCE_PLATFORM:CAL_MATRIX"))
         calibrated = matrices.ndim == 3 and min(matrices.shape[:2]) >= 6 and matrices.shape[2] > i
         notes += [] if calibrated else say("files", "no_calibration", plate=i + 1)
-        for chunk in chunks(len(raw) if calibrated else 0, raw.shape[1]):
+        for chunk in units.chunks(len(raw) if calibrated else 0, raw.shape[1]):
             with np.errstate(invalid="ignore", over="ignore"):
                 raw[chunk] = raw[chunk] @ matrices[:6, :6, i].T
     if not (raw.max(initial=0.0) < LARGEST and raw.min(initial=0.0) > -LARGEST):
         raise InputError("an analog sample is not a believable number", file=c3d.path, where=f"force plate {i + 1}")
     stated = c3d.all_texts("ANALOG:UNITS")
     text = stated[channels[3]] if channels[3] < len(stated) else ""
-    factor = length_factor(text) if kind == 1 else moment_factor(text)
+    factor = units.length_factor(text) if kind == 1 else units.moment_factor(text)
     unit = length_m if factor is None or kind == 3 else factor
     half = np.abs((corners - centre) @ axes)[:, :2].max(axis=0)
     choices = [unit] + [other for other in (1.0, 1e-3) if not np.isclose(other, unit) and kind != 3]
@@ -180,7 +165,7 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
         notes += say("files", "other_moments", plate=i + 1, used=choice, stated=unit)
     force, torque = np.empty((len(raw), 3)), np.empty((len(raw), 3))
     point = np.empty((len(raw), 3)) if kind == 1 else centre.copy()
-    for chunk in chunks(len(raw), raw.shape[1]):
+    for chunk in units.chunks(len(raw), raw.shape[1]):
         f, p, t = _load(kind, raw[chunk], origin, choice)
         force[chunk], torque[chunk] = f @ axes.T, t @ axes.T
         if kind == 1:
@@ -209,7 +194,7 @@ def _load(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[
 def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half: np.ndarray) -> bool:
     """Whether most loaded samples press near the plate, of half sizes (2,) m; True where it is not loaded."""
     off = [np.empty((0, 2))]
-    for chunk in chunks(len(raw), raw.shape[1]):
+    for chunk in units.chunks(len(raw), raw.shape[1]):
         force, point, torque = _load(kind, raw[chunk], origin, unit)
         on = np.abs(force[:, 2]) > LOADED_N
         f, t = force[on], torque[on]
@@ -219,7 +204,6 @@ def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half:
 
 
 def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
-    """The i-th plate's numbers of a parameter, in the file's order."""
     value = c3d.values(f"FORCE_PLATFORM:{name}")
     row = value.shape[0] if name == "CHANNEL" and value.ndim > 1 else size
     flat = value.ravel(order="F")[i * row:i * row + size]

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 SIDES = ("right", "left")
+LARGEST = 1e9
+"""No number of a recording is as large, in any unit; what programs write for a marker that was not seen is larger."""
 
 
 @dataclass(frozen=True, eq=False)

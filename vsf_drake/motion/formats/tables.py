@@ -25,24 +25,14 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.files import replaced
 from vsf_drake.motion.events import THRESHOLD_N
-from vsf_drake.motion.formats.recording import Plate, RawTrial, world_to_os
-from vsf_drake.motion.formats.units import (
-    chunks,
-    even_rate,
-    file_length_factor,
-    first_of_each,
-    length_factor,
-    moment_factor,
-    without_prefix,
-)
+from vsf_drake.motion.formats import units as si
+from vsf_drake.motion.formats.recording import LARGEST, Plate, RawTrial, world_to_os
+from vsf_drake.motion.formats.units import chunks, even_rate, file_length_factor, first_of_each, without_prefix
 from vsf_drake.sentences import say
 from vsf_drake.text_table import as_label, split_row, table_rows, text_lines
 
-LARGEST = 1e9
-"""No number of a recording is as large, in any unit; what programs write for a marker that was not seen is larger."""
 MOST_MARKERS = 20_000
 _HEADER_LINES = 50  # lines that may stand above the labels of a CSV or Cortex file
-_HEADER_KEYS = {"nrows": "rows", "datarows": "rows", "ncolumns": "columns", "datacolumns": "columns"}
 _UNIT = re.compile(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]$")
 _FACTORS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3}
 
@@ -90,7 +80,7 @@ class Storage:
 
 
 def _table(path: Path, labels: list[str], numbers: np.ndarray, lines: np.ndarray, oddities: dict[tuple[int, int], str],
-           *, notes: Sequence[str] = (), in_degrees: bool | None = None) -> Storage:
+           *, in_degrees: bool | None = None) -> Storage:
     if not len(numbers):
         raise InputError("there are no rows of numbers", file=path)
     doubled: list[str] = []
@@ -100,18 +90,18 @@ def _table(path: Path, labels: list[str], numbers: np.ndarray, lines: np.ndarray
         oddities = {(row, first.index(i)): cell for (row, i), cell in oddities.items() if i in first}
     odd = {(row, i - 1): cell for (row, i), cell in oddities.items() if i}
     return Storage(path, tuple(labels[i] for i in first[1:]), numbers[:, 0], numbers[:, 1:], in_degrees, lines, odd,
-                   (*doubled, *notes))
+                   tuple(doubled))
 
 
 def read_storage(path: str | Path) -> Storage:
     """An OpenSim .sto or .mot file.
 
     Cells that hold no number become NaN and are refused only by `Storage.column`, so that columns nobody needs do no
-    harm. A wrong number of columns in the header is only noted where labels and rows agree: OpenSim reads such files.
+    harm. A wrong number of columns in the header does none either: OpenSim reads such files.
     """
     path = Path(path)
     lines = text_lines(path, needed="An OpenSim .mot or .sto file is needed")
-    in_degrees, counts, end = _storage_header(lines, path)
+    in_degrees, rows, end = _storage_header(lines, path)
     start, line = next(((number, line) for number, line in lines if line.strip()), (0, ""))
     if not start:
         raise InputError("there are no column labels after endheader", file=path, where=f"line {end}")
@@ -131,27 +121,23 @@ def read_storage(path: str | Path) -> Storage:
         row = int(np.argmax(bad))
         raise InputError(f"the time {oddities.get((row, 0), str(numbers[row, 0]))!r} is not a number", file=path,
                          where=f"line {places[row]}, column time")
-    for kind, stated, number in counts:
-        if kind == "rows" and stated != len(numbers):
+    for number, stated in rows.items():
+        if stated != len(numbers):
             raise InputError(f"the header says {stated} rows, the file has {len(numbers)}", file=path,
                              where=f"line {number}",
                              right="Is the file truncated?" if stated > len(numbers) else None)
-    notes = [note for kind, stated, number in counts if kind == "columns" and stated != len(labels)
-             for note in say("files", "columns", file=path.name, line=number, stated=stated, labels=len(labels))]
-    return _table(path, labels, numbers, places, oddities, notes=notes, in_degrees=in_degrees)
+    return _table(path, labels, numbers, places, oddities, in_degrees=in_degrees)
 
 
-def _storage_header(lines: Iterator[tuple[int, str]], path: Path
-                    ) -> tuple[bool | None, list[tuple[str, int, int]], int]:
-    """Whether angles are in degrees; what ("rows" or "columns"), how many and where is stated; the line of `endheader`.
-    """
-    in_degrees, counts = None, list[tuple[str, int, int]]()
+def _storage_header(lines: Iterator[tuple[int, str]], path: Path) -> tuple[bool | None, dict[int, int], int]:
+    """Whether angles are in degrees; how many rows are stated, by line; the line of `endheader`."""
+    in_degrees, rows = None, dict[int, int]()
     for number, line in lines:
         if line.strip().lower() == "endheader":
-            return in_degrees, counts, number
+            return in_degrees, rows, number
         key, _, value = (part.strip().lower() for part in line.strip().replace("=", " ", 1).partition(" "))
-        if key in _HEADER_KEYS and value.isdecimal() and value.isascii():
-            counts.append((_HEADER_KEYS[key], int(value[:18]), number))
+        if key in ("nrows", "datarows") and value.isdecimal() and value.isascii():
+            rows[number] = int(value[:18])
         elif key == "indegrees" and value in ("yes", "no"):
             in_degrees = value == "yes"
     raise InputError("there is no line `endheader`", file=path, where="header",
@@ -160,15 +146,11 @@ def _storage_header(lines: Iterator[tuple[int, str]], path: Path
 
 def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...] | list[str], values: np.ndarray,
                   in_degrees: bool = False, title: str | None = None) -> None:
-    """Writes a table that OpenSim reads, in full precision; an existing file is replaced at the end.
+    """Writes (n, m) values with m labels at times (n,) s as a table that OpenSim reads, in full precision.
 
-    (n,) s, m labels without `time`, and (n, m) values, whose angles are in degrees if so said; `title` is the first
-    line."""
-    time_s, values = np.asarray(time_s, dtype=float), np.asarray(values, dtype=float)
-    if time_s.ndim != 1 or values.shape != (len(time_s), len(names)):
-        raise ValueError(f"time {time_s.shape}, values {values.shape} and {len(names)} names do not fit")
-    if len({"time", *names}) != len(names) + 1 or any(not n or "\t" in n or "\n" in n for n in names):
-        raise ValueError("every column needs a name of its own, without tabs")
+    An existing file is replaced at the end; `title` is the first line."""
+    if values.shape != (len(time_s), len(names)) or len({"time", *names}) != len(names) + 1:
+        raise ValueError(f"time {time_s.shape}, values {values.shape} and {len(names)} different names do not fit")
     with replaced(path, "w") as stream:
         stream.write(f"{title or Path(path).name}\nversion=1\nnRows={len(time_s)}\nnColumns={len(names) + 1}\n"
                      f"inDegrees={'yes' if in_degrees else 'no'}\nendheader\n")
@@ -190,8 +172,6 @@ def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[st
         if not np.isnan(plate.cop_m).all() or not (plate.force_n[:, 2] > THRESHOLD_N).any():
             blocks[f"ground_force_{key}_p"] = plate.cop_m
         blocks[f"ground_torque_{key}_"] = plate.free_moment_nm[:, None] * [0.0, 0.0, 1.0]
-    if not blocks:
-        raise ValueError("there are no plates")
     values = np.concatenate([np.nan_to_num(world_to_os(vectors)) + 0.0 for vectors in blocks.values()], axis=1)
     write_storage(path, time_s=time_s, names=[stem + axis for stem in blocks for axis in "xyz"], values=values,
                   title=title)
@@ -251,7 +231,7 @@ def _csv_factor(unit: str, path: Path, label: str) -> tuple[float, bool]:
     plain = unit.strip().lower()
     if plain in _FACTORS:
         return _FACTORS[plain], False
-    for length in (length_factor(plain), moment_factor(plain)):
+    for length in (si.length_factor(plain), si.moment_factor(plain)):
         if length is not None:
             return length, True
     if plain and label.lower() != "time":
@@ -312,10 +292,7 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     lines = text_lines(path)
     header, labels, label_line = _trc_header(lines, path)
     labels, notes = without_prefix(labels)
-    count, frames, stated = (_stated(header, key) for key in ("nummarkers", "numframes", "datarate"))
-    if count is not None and int(count) != len(labels):
-        notes += say("files", "said", file=path.name, said=f"{count:.0f} markers",
-                     used=f"there are {len(labels)} labels")
+    frames, stated = (_stated(header, key) for key in ("numframes", "datarate"))
     factor = file_length_factor(header.get("units", ""), length_unit, path, "line 3, Units")
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in labels for axis in "XYZ")]
     table, places, cut = table_rows(
@@ -330,8 +307,6 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     if frames is not None and frames > len(table):
         raise InputError(f"the header says {frames:.0f} frames, the file has {len(table)}", file=path,
                          where="line 3, NumFrames", right="Is the file truncated?")
-    if frames is not None and frames < len(table):
-        notes += say("files", "said", file=path.name, said=f"{frames:.0f} frames", used=f"all {len(table)} were read")
     rate, start, warnings = even_rate(table[:, 1], places, path, stated_hz=stated)
     notes += warnings
     if stated is not None and rate != stated:
