@@ -122,7 +122,7 @@ def test_model_feet_are_those_that_the_simulation_walks_on():
     for side, sites in (("right", person.foot.sites), ("left", person.intact_sites)):
         heights = [(gait.plant.EvalBodyPoseInWorld(plant_context, gait.plant.get_body(body)) @ place)[2] - radius
                    for body, place, radius in zip(sites.body_indices, sites.p_BS, sites.radius, strict=True)]
-        assert item.model_feet[side].lowest_m[row] == pytest.approx(np.min(heights), abs=1e-12)
+        assert item.feet[side].lowest_m[row] == pytest.approx(np.min(heights), abs=1e-12)
 
 
 def test_offsets_of_the_manifest_move_the_prosthesis_that_is_judged():

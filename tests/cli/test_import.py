@@ -49,10 +49,9 @@ def test_import_leaves_a_person_trials_and_a_report_that_load_on_their_own(impor
 
 def test_import_json_holds_everything_in_numbers(imported):
     table = read_json(imported / "import.json")
-    assert set(table) == {"kind", "mark", "trials", "failures", "subject", "calibration", "mass_budget_kg", "versions",
-                          "inputs_sha256", "files", "seed"}
+    assert set(table) == {"kind", "mark", "trials", "failures", "subject", "calibration", "versions", "inputs_sha256",
+                          "files", "seed"}
     assert table["kind"] == "import" and set(table["files"]) == MADE
-    assert sum(table["mass_budget_kg"].values()) == pytest.approx(78.0, abs=1e-9)
     assert {name.rsplit("/", 1)[-1] for name in table["inputs_sha256"]} == {"Stand Ä.trc", "walk.trc", "walk.mot"}
     [trial] = table["trials"]
     assert (trial["manifest"], trial["kinematics"], trial["forces"]) == ("walk.yaml", "walk_ik.mot", "walk_grf.mot")
@@ -67,9 +66,6 @@ def test_import_json_holds_everything_in_numbers(imported):
     assert any("108 mm, mid-range" in note for note in trial["notes"])
     calibration = table["calibration"]
     assert max(map(abs, calibration["standing_angles_deg"].values())) < 15.0  # the made person stands straight
-    assert set(calibration["standing_pelvis_m"]) == {"pelvis_tx", "pelvis_ty", "pelvis_tz"}
-    stacked = sum(calibration["lengths_m"][f"{part}_left"] for part in ("thigh", "shank", "ankle_height"))
-    assert calibration["standing_pelvis_m"]["pelvis_ty"] == pytest.approx(stacked, abs=0.15)  # ASIS above the hips
 
 
 def test_real_walk_may_stand_for_the_standing_trial_and_is_called_doubtful(run, shared_data, tmp_path):
@@ -81,7 +77,7 @@ def test_real_walk_may_stand_for_the_standing_trial_and_is_called_doubtful(run, 
     assert checks["mass from the forces"]["mark"] == checks["filter applied before"]["mark"] == "good"
     assert checks["walking speed"]["value"] == pytest.approx(1.18, abs=0.03)  # the recording's README
     [trial] = read_json(out / "import.json")["trials"]
-    assert sum(len(stances) for stances in trial["measured_stances"].values()) == 4
+    assert len(trial["contacts"]) == 4
     assert load_trial(out / "walk1.yaml").subject.prosthetic_side == "left"
 
 

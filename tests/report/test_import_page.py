@@ -13,14 +13,7 @@ from vsf_drake.analysis.recording import MARKS
 from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.report.import_outputs import (
-    angle_figure,
-    floor_figure,
-    force_figure,
-    height_figure,
-    import_page,
-    residual_figure,
-)
+from vsf_drake.report.import_outputs import angle_figure, floor_figure, force_figure, import_page
 
 
 @pytest.fixture(scope="module")
@@ -74,18 +67,14 @@ def test_every_check_stands_on_the_page_with_mark_and_sentence(item, page):
 def test_synthetic_trials_are_called_so_in_title_text_and_every_figure(item, page):
     assert "(SYNTHETIC)</title>" in page
     assert "SYNTHETIC, not recorded: " in page
-    for make in (angle_figure, force_figure, floor_figure, height_figure):
+    for make in (angle_figure, force_figure, floor_figure):
         figure = make(item)
         labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
         assert any("SYNTHETIC" in label for label in labels)
 
 
-def test_angle_trials_have_no_marker_residuals(item):
-    assert residual_figure(item) is None
-
-
 def test_axes_name_their_units(item):
-    for make in (angle_figure, force_figure, floor_figure, height_figure):
+    for make in (angle_figure, force_figure, floor_figure):
         for axes in make(item).axes:
             assert "(" in axes.get_xlabel()
             assert "(" in axes.get_ylabel()

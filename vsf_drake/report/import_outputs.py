@@ -13,9 +13,8 @@ from matplotlib.lines import Line2D
 
 from vsf_drake.analysis.import_walks import ImportedWalks
 from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, worst
-from vsf_drake.analysis.recording.examine import Examined, mass_budget, person_table, trial_table
+from vsf_drake.analysis.recording.examine import Examined, person_table, trial_table
 from vsf_drake.analysis.recording.foot import flat_phase
-from vsf_drake.analysis.recording.motion_checks import RESIDUAL_M
 from vsf_drake.files import write_text
 from vsf_drake.motion.formats.recording import SIDES
 from vsf_drake.motion.trial import Trial, load_trial, trial_files, write_trial_files
@@ -91,15 +90,14 @@ def import_page(items: Sequence[Examined], *, title: str, person: Examined | Non
     bad = [dict.fromkeys([*(check.name for check in item.checks if check.mark == "unusable"),
                           *(name for name, share in costs(item.checks).items() if share > 0.5 * GOOD_BW)])
            for item in items]
-    figures = [[figure for make in _FIGURES if (figure := make(item)) is not None] for item in items]
+    figures = [[make(item) for make in (angle_figure, force_figure, floor_figure)] for item in items]
     return render("import.html.j2", title=f"{title} (SYNTHETIC)" if synthetic else title, synthetic=synthetic,
                   trials=items, bad=bad, figures=figures, failures=failures or {}, marks=MARKS, colours=MARK_COLOURS,
                   expected=EXPECTED, degrees=math.degrees(1.0), person=person and person.trial,
-                  subject_numbers=to_plain(person.trial.subject) if person else {},
-                  budget=mass_budget(person.trial) if person else {}, translations=PELVIS_TRANSLATIONS)
+                  subject_numbers=to_plain(person.trial.subject) if person else {}, translations=PELVIS_TRANSLATIONS)
 
 
-# Figures: angles, forces, floor, foot heights, marker residuals.
+# Figures: angles, forces, floor.
 
 
 COLOURS = {"right": "#31688e", "left": "#c8553d"}
@@ -189,40 +187,6 @@ def floor_figure(item: Examined) -> Figure:
         return _with_legend(figure, item)
 
 
-def height_figure(item: Examined) -> Figure:
-    """Heights of heel (solid) and toe (dashed) of both feet; shaded: stances."""
-    with style():
-        figure = new_figure(11.0, 3.6)
-        for axes, side in zip(figure.subplots(1, 2, sharey=True), SIDES, strict=True):
-            foot = item.feet[side]
-            for point, line in ((foot.heel_W, "-"), (foot.toe_W, "--")):
-                axes.plot(foot.time_s, 1e3 * point[:, 2], color=COLOURS[side], linewidth=1.4, linestyle=line)
-            axes.axhline(0.0, color="0.4", linewidth=0.8)
-            for stance in item.stances[side]:
-                axes.axvspan(stance.start_s, stance.end_s, color="0.93", zorder=0, linewidth=0)
-            kind = "prosthetic" if foot.prosthetic else "intact"
-            how = ", rigid under its shank" if foot.undeformed else ""
-            label(axes, x=_TIME, y="height (mm)", title=f"{side.capitalize()} ({kind}) foot{how}: heel, toe (dashed)")
-        return _with_legend(figure, item, "shaded: stance")
-
-
-def residual_figure(item: Examined) -> Figure | None:
-    """Distance of each marker from its segment; None without markers."""
-    if item.trial.tracked is None or not item.trial.tracked.residual_rms_m:
-        return None
-    names, residuals = zip(*sorted(item.trial.tracked.residual_rms_m.items(), key=lambda pair: pair[1]), strict=True)
-    marks = [("good", "doubtful", "unusable")[int(np.searchsorted(RESIDUAL_M, r, "right"))] for r in residuals]
-    with style():
-        figure = new_figure(11.0, 0.6 + 0.17 * len(names))
-        axes = figure.subplots()
-        axes.barh(range(len(names)), 1e3 * np.array(residuals), color=[MARK_COLOURS[m] for m in marks], height=0.7)
-        axes.set_yticks(range(len(names)), names, fontsize=7)
-        axes.set_ylim(-0.6, len(names) - 0.4)
-        label(axes, x="distance from its segment, root mean square (mm)", y="",
-              title=f"{'SYNTHETIC, not recorded. ' if item.trial.synthetic else ''}Marker residuals")
-    return figure
-
-
 def _with_legend(figure: Figure, item: Examined, more: str = "") -> Figure:
     prosthetic = item.trial.subject.prosthetic_side
     handles = [Line2D([], [], color=COLOURS[side], label=f"{side} ({'prosthetic' if side == prosthetic else 'intact'})")
@@ -231,6 +195,3 @@ def _with_legend(figure: Figure, item: Examined, more: str = "") -> Figure:
                 for text in (more, "SYNTHETIC, not recorded" if item.trial.synthetic else "") if text]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
-
-
-_FIGURES = (angle_figure, force_figure, floor_figure, height_figure, residual_figure)

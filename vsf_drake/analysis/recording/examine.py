@@ -9,14 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vsf_drake.analysis.recording import Check, checked, expected_error, force_checks, motion_checks, overall
-from vsf_drake.analysis.recording.foot import (
-    FootMotion,
-    flat_phase,
-    floor_point,
-    model_motion,
-    slip_velocity,
-    turns_in_stance,
-)
+from vsf_drake.analysis.recording import foot as feet_of
+from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, model_motion
 from vsf_drake.motion.events import Stance, find_stances, kinematic_stances, walking_direction
 from vsf_drake.motion.formats.recording import SIDES, os_to_world
 from vsf_drake.motion.markers.posture import NOTE
@@ -24,7 +18,6 @@ from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.motion.trial import Trial, on_the_belt
 from vsf_drake.parameters import PELVIS_TRANSLATIONS
-from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.schema import to_plain
 
 GRID_S = 1e-3
@@ -43,8 +36,6 @@ class Examined:
     checks: tuple[Check, ...]  # in the order of the report
     notes: tuple[str, ...]  # the trial's, and the tracking's
     feet: dict[str, FootMotion]  # that were judged, as markers saw them where there are any
-    model_feet: dict[str, FootMotion]
-    measured: dict[str, list[Stance]]  # by side, those that plates saw
     stances: dict[str, list[Stance]]
 
     @property
@@ -76,7 +67,7 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
     stances = {side: _within(trial, _joined(moving[side], measured.get(side, []))) for side in SIDES}
     durations = [s.duration_s for of_foot in stances.values() for s in of_foot if s.complete]
     side, usual = trial.subject.prosthetic_side, float(np.mean(durations)) if durations else None
-    if turns_in_stance(feet[side], stances[side], usual_s=usual):
+    if feet_of.turns_in_stance(feet[side], stances[side], usual_s=usual):
         feet = {**feet, side: dataclasses.replace(feet[side], undeformed=True)}
     checks: list[Check | None] = list(stated)
     for side in sorted(SIDES, key=lambda side: side != trial.subject.prosthetic_side):
@@ -88,13 +79,13 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
                    force_checks.depth(model_feet[side], felt, mass_kg=trial.subject.mass_kg, fulcrum_m=trial.fulcrum_m)]
         if plate is not None and cop is not None:
             checks.append(force_checks.cop_under_foot(foot, plate, cop))
-    slides = [float(slip_velocity(foot, floor_point(foot))[rows, 0].mean()) for side, foot in feet.items()
-              for stance in stances[side] if (rows := flat_phase(foot, stance, usual_s=usual)) is not None]
+    slides = [float(feet_of.slip_velocity(foot, feet_of.floor_point(foot))[rows, 0].mean())
+              for side, foot in feet.items() for stance in stances[side]
+              if (rows := flat_phase(foot, stance, usual_s=usual)) is not None]
     checks += [*_forces(trial, body, measured, moving), motion_checks.belt(slides), *_angles(trial, pelvis),
                *_markers(trial, cutoff_hz)]
     notes = trial.notes if trial.tracked is None else tuple(dict.fromkeys((*trial.notes, *trial.tracked.notes)))
-    return Examined(trial, cutoff_hz, tuple(check for check in checks if check is not None), notes, feet, model_feet,
-                    measured, stances)
+    return Examined(trial, cutoff_hz, tuple(check for check in checks if check is not None), notes, feet, stances)
 
 
 def weighed(trial: Trial, *, belt_speed_m_per_s: float = 0.0) -> Check:
@@ -220,9 +211,8 @@ def trial_table(item: Examined) -> dict[str, object]:
         "name": trial.name, "synthetic": trial.synthetic, "mark": item.mark,
         "expected_error_bw": item.expected_error_bw, "checks": item.checks, "notes": item.notes,
         "window_s": (trial.start_s, trial.end_s), "fulcrum_mm": 1e3 * trial.fulcrum_m,
-        "prosthetic_side": trial.subject.prosthetic_side, "feet_from": "markers" if tracked else "model",
-        "stances": item.stances, "measured_stances": item.measured, "inputs_sha256": trial.inputs,
-        "contacts": trial.contacts, "unmeasured_s": trial.unmeasured}
+        "stances": item.stances, "contacts": trial.contacts, "unmeasured_s": trial.unmeasured,
+        "inputs_sha256": trial.inputs}
     if tracked is not None:
         table |= {"marker_cutoff_hz": item.cutoff_hz, "residual_rms_m": tracked.residual_rms_m,
                   "cluster_motion_m": tracked.cluster_motion_m, "joint_gap_m": tracked.joint_gap_m,
@@ -231,22 +221,12 @@ def trial_table(item: Examined) -> dict[str, object]:
 
 
 def person_table(item: Examined) -> dict[str, object]:
-    """The subject, the masses of the model's segments, and what the standing trial told where there was one."""
-    table: dict[str, object] = {"subject": to_plain(item.trial.subject), "mass_budget_kg": mass_budget(item.trial)}
+    """The subject, and what the standing trial told where there was one."""
+    table: dict[str, object] = {"subject": to_plain(item.trial.subject)}
     calibration = item.trial.calibration
     if calibration is not None:
-        standing = calibration.angles_rad
         table["calibration"] = {
             "lengths_m": calibration.lengths_m, "method": calibration.method, "notes": calibration.notes,
-            "standing_angles_deg": {name: float(np.degrees(value)) for name, value in standing.items()
-                                    if name not in PELVIS_TRANSLATIONS},
-            "standing_pelvis_m": {name: standing[name] for name in PELVIS_TRANSLATIONS}}
+            "standing_angles_deg": {name: float(np.degrees(value)) for name, value in calibration.angles_rad.items()
+                                    if name not in PELVIS_TRANSLATIONS}}
     return table
-
-
-def mass_budget(trial: Trial) -> dict[str, float]:
-    """Masses (kg) of the model's segments by name; they add up to the body mass."""
-    body = scale_body(trial.subject, trial.model.foot, trial.model.socket)
-    return {"pelvis, head, arms and trunk": body.pelvis_mass, "two thighs": 2 * body.thigh_mass,
-            "intact shank": body.shank_mass, "intact foot": body.foot_mass,
-            "residual shank": body.residual_shank_mass, "prosthesis": body.prosthesis_mass}

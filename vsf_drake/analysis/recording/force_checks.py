@@ -18,34 +18,24 @@ from vsf_drake.parameters import GRAVITY
 ALIGNMENT_BW_PER_DEG, HEIGHT_BW_PER_MM = 0.037, 0.028
 FITTED_LAG_BW_PER_S, FITTED_SLIP_BW_PER_M_PER_S = 2.5, (0.6, 0.25)
 """What a fit of the offsets leaves of a lag, and of a slip of the whole person fore-aft and sideways."""
-MASS = (0.03, 0.10)
-"""Error of the mass: a force is that share of body weight off."""
-MASS_ONE_FOOT = (0.06, 0.15)
-"""The same where only single support of one foot is measured: a rigid trunk tells the body's acceleration over a few
-tenths of a second to a few percent (a choice)."""
-LEAST_S = 0.25
-"""Shortest measured time that tells a mass or a lag (a choice)."""
+MASS = (0.03, 0.10)  # error of the mass: a force is that share of body weight off
+MASS_ONE_FOOT = (0.06, 0.15)  # where only one foot is measured: a rigid trunk's acceleration is good to a few percent
+LEAST_S = 0.25  # shortest measured time that tells a mass or a lag (a choice)
 LAG_S = (0.015, 0.030)
-"""Lag: 10 ms at 100 deg/s of hip are 1 degree or 7.5 % body weight, but a rigid trunk tells the body's
-acceleration to 10 ms or so only; so the limits are choices of one and two frames at 67 Hz."""
+"""One and two frames at 67 Hz (choices): 10 ms at 100 deg/s of hip are 1 degree or 7.5 % body weight, but a rigid trunk
+tells the body's acceleration to 10 ms or so only."""
 TOLD_S = 0.010
 LARGEST_LAG_S = 0.15
 LAG_CUTOFF_HZ = 6.0
-MOST_OF_IT = 0.8
-"""Share of the known time that a shift must leave to be judged by it (a choice)."""
-BELIEVABLE_R = 0.85
-"""Correlation of force and acceleration below which no lag is read from it (a choice)."""
-EVENT_LAG_S = (0.040, 0.080)
-"""Touch-down from the foot's motion against the plate's: kinematic events are within 35 ms of 20 N."""
-OUTSIDE_M = (0.07, 0.14)
-"""Centre of pressure beside the line from heel to toe: half a foot's width and as much again as it curves; twice that.
-Choices."""
+MOST_OF_IT = 0.8  # share of the known time that a shift must leave to be judged by it (a choice)
+BELIEVABLE_R = 0.85  # correlation of force and acceleration below which no lag is read from it (a choice)
+EVENT_LAG_S = (0.040, 0.080)  # touch-down by the foot's motion is within 35 ms of 20 N on the plate
+OUTSIDE_M = (0.07, 0.14)  # beside the line from heel to toe: half a foot and as much as it curves; twice that (choices)
 LOADED_N = 50.0
 LEVER = (0.15, 0.03)
 """Spread of the load's place ahead of and behind the body, and its distance beside it, over the body's height, below
 which the direction of a force says nothing: a stance spans about 0.4, feet stand about 0.08 beside (choices)."""
-LEAST_SHEAR = 0.01
-"""Sideways force over the vertical one below which its sign says nothing (a choice): usual are 0.03 to 0.06."""
+LEAST_SHEAR = 0.01  # sideways over vertical force below which its sign says nothing (a choice): usual are 0.03 to 0.06
 STRONG_N = 200.0
 
 
@@ -186,50 +176,33 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
 # every joint is prescribed, so its errors are good up to 10 % body weight and warnings at most.
 
 
-ANGLE_DEG = (GOOD_BW / ALIGNMENT_BW_PER_DEG, 8.0)
-"""Sole angle at foot-flat: 3 % body weight at 0.8 degrees; the second is the fit of the offsets' prior, since a
-constant error of alignment is what that fit takes out."""
+ANGLE_DEG = (GOOD_BW / ALIGNMENT_BW_PER_DEG, 8.0)  # sole at foot-flat; the offsets' fit takes it out
 ROLLING_DEG = (5.0, 8.0)
-"""The same for a rigid prosthetic foot under a turning shank: it passes through flat rather than keeping it. Choices:
-a shank turns by about 10 degrees in mid-stance; the fit's prior."""
+"""The same for a rigid prosthetic foot under a shank that turns by about 10 degrees in mid-stance. Choices."""
 HEIGHT_MM = (5.0, 50.0)
-"""Height of the flat sole. The first is a choice: shoes give and skin moves by that much, and 1 mm costs 3 % body
-weight before, nothing after the fit of the offsets; the second is that fit's prior."""
+"""Height of the flat sole. The first is a choice: shoes give and skin moves by that much; the second is the fit's prior
+(1 mm costs 3 % body weight before, nothing after the fit of the offsets)."""
 DRIFT_MM = (GOOD_BW / HEIGHT_BW_PER_MM, 10.0)
 """Change of height within and between foot-flats, which no constant height takes out: 3 % body weight at 1.1 mm. The
-second is a choice, what a shoe gives under the ball: the prosthesis hangs from the shank, so that a foot's own drift
-tells how far the markers can be trusted rather than entering the force as it is."""
-INTACT_DRIFT_MM = DOUBTFUL_BW / HEIGHT_BW_PER_MM
-"""Drift of an intact foot that is good: 10 % body weight of its own force, 3.6 mm."""
+second is what a shoe gives under the ball (a choice)."""
+INTACT_DRIFT_MM = DOUBTFUL_BW / HEIGHT_BW_PER_MM  # good: 10 % body weight of its own force, 3.6 mm
 STANDING_SLIP_M_PER_S = ((-0.08, -0.03), (0.0, 0.03))
 """Forward and inward velocities between which a rigid prosthetic foot seems to slip where a real one rests: its socket
 turns and its keel bends under the shank. What walks known not to slip show, at every stiffness."""
-OTHER_LEG = 0.5
-"""Share of a slip of the intact foot that is expected in the prosthetic leg's angles (a choice: one session's errors
-are of one size, but not the same)."""
-CLEARANCE_MM = (10.0, 0.0)
-"""Height of the lowest point in mid-swing: with 8 mm a prototype's foot dragged (its keel sags); below 0 it cuts."""
-INTACT_CLEARANCE_MM = 5.0
-"""The same for the intact foot, whose ankle is prescribed and does not sag (a choice: noise of its height)."""
-CUT_MM = -15.0
-"""A swing foot deeper in the ground than this makes a force that stops it."""
-SWING = (0.25, 0.75)
-"""Shares of the swing in which a foot that clears the ground is up (a choice)."""
+OTHER_LEG = 0.5  # share of a slip of the intact foot that is expected in the prosthetic leg's angles (a choice)
+CLEARANCE_MM = (10.0, 0.0)  # lowest point in mid-swing: with 8 mm a prototype's foot dragged; below 0 it cuts
+INTACT_CLEARANCE_MM = 5.0  # its ankle is prescribed and does not sag (a choice: noise of its height)
+CUT_MM = -15.0  # a swing foot deeper in the ground than this makes a force that stops it
+SWING = (0.25, 0.75)  # shares of the swing in which a foot that clears the ground is up (a choice)
 TOUCH_DOWN_MM = (10.0, 50.0)
-"""Height of the foot's lowest point when the plate feels it: a heel comes down at 0.4 m/s or so, so 10 ms are 4 mm, and
-other heels are rounder or longer than the model's: walks of another prosthesis whose height is known to be right show
-up to 8 mm. The second is the prior of the offsets' fit, which moves the prosthesis by as much."""
-INTACT_DEPTH_MM = 25.0
-"""Three spheres of the intact heel sink by 10 mm under body weight, the last two of its forefoot by 17 mm under 1.1
-body weights; the rest is for the shape of other feet (a choice)."""
+"""Height of the lowest point when the plate feels it: heels come down at 0.4 m/s, so 10 ms are 4 mm, and are rounder or
+longer than the model's: walks whose height is known to be right show up to 8 mm. The second is the fit's prior."""
+INTACT_DEPTH_MM = 25.0  # the intact foot's spheres sink by 10 to 17 mm; the rest is for other shapes
 STIFFNESS_N_PER_MM = ((66.0, 10.0), (151.0, 32.0))
 """Forefoot stiffness at both ends of the carriage's reach (McGeehan 2021), straight in between."""
-PUSH_OFF_BW = 1.2
-"""Load on the forefoot at push-off, at most (a choice)."""
-SOCKET_MM = 25.0
-"""What the nominal socket adds at the toe: 120 N m on 1000 N m/rad, 0.2 m away."""
-TOO_DEEP_MM = 50.0
-"""Depth beyond what the foot gives that no fit of the offsets takes out (its prior)."""
+PUSH_OFF_BW = 1.2  # load on the forefoot at push-off, at most (a choice)
+SOCKET_MM = 25.0  # what the nominal socket adds at the toe: 120 N m on 1000 N m/rad, 0.2 m away
+TOO_DEEP_MM = 50.0  # depth beyond what the foot gives that no fit of the offsets takes out (its prior)
 
 
 def foot_checks(foot: FootMotion, stances: Sequence[Stance], cop_W: np.ndarray | None = None, *,

@@ -6,16 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.recording import (
-    DOUBTFUL_BW,
-    FITTED_HIP_BW_PER_DEG,
-    GOOD_BW,
-    Check,
-    at_most,
-    checked,
-    grade,
-    worst,
-)
+from vsf_drake.analysis import recording
+from vsf_drake.analysis.recording import DOUBTFUL_BW, GOOD_BW, Check, checked, grade
 from vsf_drake.motion.events import longest_run
 from vsf_drake.motion.markers.segments import Gap
 
@@ -24,56 +16,39 @@ MAIN = ("pelvis_tilt", "hip_flexion_r", "hip_flexion_l", "knee_angle_r", "knee_a
         "ankle_angle_l")
 """The sagittal angles, none of which is zero in a standing person."""
 EXACT_RAD = 1e-9
-ZERO_DEG = 0.3
-"""Standing angles this close to zero, all of them, are not a person's but a subtraction's (a choice)."""
+ZERO_DEG = 0.3  # standing angles this close to zero, all of them, are not a person's but a subtraction's (a choice)
 FEWEST_ANGLES = 3
 ZEROED_TILT_DEG, ZEROED_HIP_DEG = 2.0, 8.0
 """Pelvic tilt is about 11-12 degrees forward in walking and in standing, and mean hip flexion about 18 (Schwartz 2008,
 means); zeroed at standing they become about 0 and 3-6."""
 ANKLE_DEG = 20.0
-AXIS_DEG = 10.0
-"""Turn of a knee's axis that its own coupling of motions, some 5 degrees, and skin do not explain (a choice)."""
-LEAST_FLEXION_DEG = 30.0
-"""A knee that bends less does not show its axis (a choice)."""
-SPEED_M_PER_S = (0.3, 2.2)
-"""Walking speed: prosthesis users 0.85 to 1.0 on average (Hermodsson 1994), able-bodied up to 2 before they run."""
-HEADING_DEG = (20.0, 45.0)
-"""Direction of walking against x: the model's socket and knee turn about y, forces along x are called fore-aft."""
-BOB_M = (0.01, 0.10)
-"""Rise and fall of the pelvis within a trial, 30-50 mm in usual walking (a choice around it)."""
-JUMP_M_PER_S2 = 30.0
-"""Acceleration of a pelvis that no walk reaches (a choice: three times gravity)."""
+AXIS_DEG = 10.0  # turn of a knee's axis beyond its own coupling of motions, some 5 degrees, and skin (a choice)
+LEAST_FLEXION_DEG = 30.0  # a knee that bends less does not show its axis (a choice)
+SPEED_M_PER_S = (0.3, 2.2)  # prosthesis users 0.85 to 1.0 (Hermodsson 1994), able-bodied up to 2 before they run
+HEADING_DEG = (20.0, 45.0)  # against x: the model's socket and knee turn about y, forces along x are called fore-aft
+BOB_M = (0.01, 0.10)  # rise and fall of the pelvis, 30-50 mm in usual walking (a choice around it)
+JUMP_M_PER_S2 = 30.0  # acceleration of a pelvis that no walk reaches (a choice: three times gravity)
 REST_M_PER_S = 0.05
-BELT_M_PER_S = 0.3
-"""Backward speed of standing feet that no ground allows (a choice)."""
-ROUGH_DEG = (GOOD_BW / HIP_BW_PER_DEG, DOUBTFUL_BW / HIP_BW_PER_DEG)
-"""Content of angles above 12 Hz: 0.4 degrees of hip are 3 % body weight."""
-ROUGH_HZ = 12.0
-"""Twice the usual cut-off of 6 Hz: what is above it in an angle is noise, or a stride that was cut and pasted."""
-RESIDUAL_M = (0.010, 0.020)
-"""Root mean square distance of a marker from its segment. The second is what OpenSim's guide on inverse kinematics
-gives as usual limit; the first, half of it, is a choice: 10 mm over a segment of 0.4 m are 1.4 degrees."""
-SEGMENT_M = 0.4
-"""Length of a thigh or a shank: what a marker is off, over it, is the error of an angle."""
+BELT_M_PER_S = 0.3  # backward speed of standing feet that no ground allows (a choice)
+ROUGH_DEG = (GOOD_BW / HIP_BW_PER_DEG, DOUBTFUL_BW / HIP_BW_PER_DEG)  # content above ROUGH_HZ
+ROUGH_HZ = 12.0  # twice the usual cut-off: above it an angle has noise, or a stride that was cut and pasted
+SEGMENT_M = 0.4  # length of a thigh or a shank: what a marker is off, over it, is the error of an angle
 SPREADS = {
-    "residuals": ("marker residuals", RESIDUAL_M), "joint_gaps": ("gaps in joints", (0.020, 0.035)),
+    "residuals": ("marker residuals", (0.010, 0.020)), "joint_gaps": ("gaps in joints", (0.020, 0.035)),
     "cluster_motion": ("motion of rigid clusters", (0.008, 0.015))}
-"""Names and limits (m): distance of each marker from where its segment's pose puts it; how far each segment's markers
-move against each other (skin moves by 5 to 15 mm on thighs); how far two neighbouring segments disagree about their
-joint's centre (hip regressions alone err by 10 to 15 mm, and skin moves). The latter two are choices."""
-GAP_S = (0.1, 0.2)
-"""Longest gap filled without markers of the same segment to go by; the first is the default limit of filling."""
-BY_CLUSTER_S = (1.0, float("inf"))
-"""The same where the segment's other markers say where it was: without one of them for so long it rests on fewer."""
+"""Names and limits (m): distance of each marker from where its segment's pose puts it (20 mm is the usual limit of
+OpenSim's guide, half of it a choice: 1.4 degrees over 0.4 m); how far each segment's markers move against each other
+(skin moves by 5 to 15 mm on thighs); how far two segments disagree about their joint's centre (hip regressions err by
+10 to 15 mm, and skin moves). The latter two are choices."""
+GAP_S = (0.1, 0.2)  # longest gap filled without markers of the same segment; the first is the default limit of filling
+BY_CLUSTER_S = (1.0, float("inf"))  # where the segment's other markers say where it was
 SAME_LENGTH = (0.03, 0.08)
 """Difference of two legs' lengths as a share: people differ by 1 %, joint centres are known to 2 % (choices)."""
 SMOOTH_M = 2e-5
 """Content above twice the cut-off (m, root mean square) that no camera is without: marker noise is 0.1 mm and more, and
 two decimals of a millimetre alone make 3e-6."""
-LEAST_BAND = 0.15
-"""Share of the spectrum that must lie above twice the cut-off to judge by it."""
-NAMED = 4
-"""How many of the worst are named in a sentence."""
+LEAST_BAND = 0.15  # share of the spectrum that must lie above twice the cut-off to judge by it
+NAMED = 4  # how many of the worst are named in a sentence
 
 
 def zeroed(angles_rad: Mapping[str, np.ndarray], standing_rad: Mapping[str, float] | None,
@@ -187,7 +162,8 @@ def spread(part: str, values_m: Mapping[str, float]) -> Check | None:
         return None
     (name, limits), value = SPREADS[part], ranked[0][1]
     names = ", ".join(f"{key.replace('_', ' ')} {1e3 * size:.1f}" for key, size in ranked[:NAMED])
-    cost_bw = FITTED_HIP_BW_PER_DEG * float(np.degrees(1.0 / SEGMENT_M)) * value if part == "residuals" else None
+    degrees = float(np.degrees(value / SEGMENT_M))
+    cost_bw = recording.FITTED_HIP_BW_PER_DEG * degrees if part == "residuals" else None
     return checked(part, name, grade(value, *limits), 1e3 * value, "mm", names=names, cost_bw=cost_bw)
 
 
@@ -196,8 +172,8 @@ def gaps_filled(gaps: Sequence[Gap]) -> Check:
     longest = max(gaps, key=lambda gap: gap.end_s - gap.start_s, default=None)
     marks = [grade(gap.end_s - gap.start_s - 1e-9, *(BY_CLUSTER_S if gap.how.startswith("rigid cluster") else GAP_S))
              for gap in gaps]
-    return checked("gaps_filled", "gaps filled", worst(marks), longest.end_s - longest.start_s if longest else 0.0, "s",
-                count=len(gaps), longest=longest)
+    lasted = longest.end_s - longest.start_s if longest else 0.0
+    return checked("gaps_filled", "gaps filled", recording.worst(marks), lasted, "s", count=len(gaps), longest=longest)
 
 
 def leg_lengths(lengths_m: Mapping[str, float]) -> list[Check]:
@@ -210,7 +186,7 @@ def leg_lengths(lengths_m: Mapping[str, float]) -> list[Check]:
         value, what = left / right - 1.0, key.removesuffix("_right").replace("_", " ")
         mark = grade(value, *SAME_LENGTH)
         if not key.startswith("thigh"):  # below the knee a prosthesis may be as long as it likes
-            mark = at_most(mark, "doubtful")
+            mark = recording.at_most(mark, "doubtful")
         checks.append(checked("leg_lengths", f"{what}, left against right", mark, value, "1", what=what, right=right,
                           left=left))
     return checks

@@ -48,10 +48,9 @@ class PlateColumns:
 
 
 def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
-    """A force file in the laboratory frame.
+    """A force file in the laboratory frame; `length_unit` of positions and (times newton) moments is tried first.
 
-    `length_unit` is that of positions and (times newton) moments, where the file or its format does not state it; it is
-    tried first. Refused if the file is damaged, has no force columns, or its positions are in another unit.
+    Refused if the file is damaged, has no force columns, or its positions are in another unit.
     """
     suffix = path.suffix.lower()
     table = {".forces": read_cortex, ".csv": read_csv}.get(suffix, read_storage)(path)
@@ -78,7 +77,6 @@ def read_forces(path: Path, *, length_unit: str | None = None) -> RawTrial:
 
 
 def _in_metres(table: Storage, columns: list[PlateColumns], wanted: str | None, notes: list[str]) -> list[RawPlate]:
-    """The plates in the first unit that is believable: the user's, the stated one; refused if neither is."""
     convention = 1.0 if table.length_m is None else table.length_m
     units = [convention] if wanted is None else [wanted_length_factor(wanted), convention]
     for unit in units:
@@ -110,7 +108,6 @@ def _wrong_unit(plates: list[RawPlate], unit: float) -> tuple[int, str, float] |
 
 
 def _read_load(table: Storage, plate: PlateColumns, length_m: float) -> RawPlate:
-    """The load of a plate, with positions and moments in multiples of `length_m`; refused if it is no number."""
     force = np.column_stack([table.column(name) for name in plate.force])
     size = np.linalg.norm(force, axis=1)
     if size.max(initial=0.0) > LARGEST_N:

@@ -17,16 +17,13 @@ from vsf_drake.motion.formats.units import chunks, turn
 from vsf_drake.sentences import say
 
 MARKER_FILES = (".c3d", ".trc")
-LARGEST_M, SMALLEST_M, SMALLEST_WHOLE_M, FARTHEST_M = 10.0, 0.02, 0.25, 200.0
-"""Markers of one person never reach farther, nor less far (a dozen markers), nor lie farther from the origin."""
+LARGEST_M, SMALLEST_M, SMALLEST_WHOLE_M, FARTHEST_M = 10.0, 0.02, 0.25, 200.0  # of one person's markers
 AXES = "xyz"
 TRAVEL_M = 0.5  # a person whose markers travel farther than this walks through the laboratory
 LEVEL = 0.999  # cosine of the tilt (2.6 degrees) up to which a plate is level
 WHOLE_MARKERS = 12  # so many markers are taken for a person's (both legs at least), who extends most along the vertical
-NARROW = 0.6
-"""A standing or walking person's height is never less than this share of their length or width (arms spread)."""
-BELOW_M = 0.3
-"""Markers whose lowest lies this far below the floor, and whose middle is below it too, stand on their head."""
+NARROW = 0.6  # a person's height is never less than this share of their length or width (arms spread)
+BELOW_M = 0.3  # markers whose lowest lies this far below the floor, their middle below it too, stand on their head
 STRONG_N = 100.0
 BASELINE_N = 5.0  # an unloaded plate that shows more than this was not zeroed
 FLOOR_M = 0.02  # plates this near z = 0 lie in the floor at 0; farther ones show where the floor is
@@ -41,10 +38,8 @@ def read_trial(path: str | Path, *, forces: str | Path | None = None, up: str | 
         path: a .c3d or .trc file; or a force file alone (.mot, .sto, .csv, Cortex .forces).
         forces: the force file beside a .trc, or beside a .c3d without plates, in the same laboratory frame.
         up: the laboratory's vertical axis, "x", "y" or "z", with "-" where it points down; None as the file says.
-        forward: the laboratory's axis of walking; None for that along which the markers travel by more than 0.5 m,
-            or the laboratory's own where they do not.
-        length_unit: of positions ("mm", "m", "cm", "in"), instead of what the file states; of a marker file beside a
-            force file where it makes sense in either.
+        forward: its axis of walking; None for that along which the markers travel, or its own where they do not.
+        length_unit: of positions ("mm", "m", "cm", "in"), instead of what the file states.
     """
     path = Path(path)
     force_path = None if forces is None else Path(forces)
@@ -338,7 +333,7 @@ def _on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
 
 
 def _overlap(one: np.ndarray | None, other: np.ndarray | None) -> bool:
-    """Whether two rectangles in the floor overlap by more than 10 mm: no side of either separates them."""
+    """Whether two rectangles in the floor overlap by more than 10 mm."""
     if one is None or other is None:
         return False
     for corners in (one, other):

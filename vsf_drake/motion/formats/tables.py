@@ -1,7 +1,7 @@
 """Tables of numbers over time: OpenSim's .sto and .mot, CSV, Cortex' .forces, and the TRC format of markers.
 
-    MOT, STO  a header of `key=value` (or `key value`) lines to `endheader`, column labels of which the first is `time`,
-              rows; separated by tabs or blanks, in the OpenSim and in the older SIMM header style
+    MOT, STO  lines of `key=value` (or `key value`, as SIMM wrote) to `endheader`, column labels of which the first is
+              `time`, rows; separated by tabs or blanks
     CSV       a row of labels that begins with time, perhaps one of units; separated by comma, semicolon or tab; between
               semicolons numbers may have decimal commas, as spreadsheets of many countries write them
     FORCES    of Motion Analysis Cortex: N, mm, and N mm for the free moment about the vertical. No unit stands in the
@@ -161,10 +161,9 @@ def write_storage(path: str | Path, *, time_s: np.ndarray, names: tuple[str, ...
 
 def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[str, Plate],
                      title: str | None = None) -> None:
-    """Writes plates (by key, in W) as OpenSim's external loads (.mot or .sto), in N, m and N m.
+    """Writes plates (by key, in W) as OpenSim's external loads, in N, m and N m: ground_force_<key>_vx, ...
 
-    Columns are ground_force_<key>_vx to _vz and _px to _pz, and ground_torque_<key>_x to _z; the key is "r", "l" or a
-    plate's name. An unloaded plate's centre of pressure is 0; a plate that has none under load gets no such columns.
+    An unloaded plate's centre of pressure is 0; a plate that has none under load gets no such columns.
     """
     blocks: dict[str, np.ndarray] = {}
     for key, plate in plates.items():

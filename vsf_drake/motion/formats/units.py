@@ -37,7 +37,7 @@ def without_prefix(labels: list[str]) -> tuple[list[str], list[str]]:
 
 def first_of_each(labels: Sequence[str], notes: list[str], empty: Callable[[int], bool], *,
                   what: str = "label") -> list[int]:
-    """Which of the labels to read: each once, the first that is not `empty`, and a note on what was left out."""
+    """Which of the labels to read, each once: the first that is not `empty`; `notes` gets what was left out."""
     places: dict[str, list[int]] = {}
     for i, label in enumerate(labels):
         places.setdefault(label, []).append(i)
@@ -46,9 +46,6 @@ def first_of_each(labels: Sequence[str], notes: list[str], empty: Callable[[int]
     notes += [note for label, columns in places.items() if len(columns) > 1 for note in say(
         "files", "doubled", what=what, label=label, times=len(columns), column=chosen[label] + 1, columns=len(labels))]
     return sorted(chosen.values())
-
-
-# Units that laboratory files state, as factors to SI.
 
 
 def length_factor(unit: str) -> float | None:
@@ -85,9 +82,6 @@ def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) 
         raise InputError(what, file=path, where=where,
                          right=f"Give laboratory.length_unit (--length-unit): {', '.join(LENGTHS_M)}")
     return factor
-
-
-# Large arrays a piece at a time, so that no step needs a second array of their size.
 
 
 def chunks(rows: int, width: int = 3) -> Iterator[slice]:
@@ -134,10 +128,8 @@ def even_clock(time_s: np.ndarray, *, jitter_s: float = 0.0) -> EvenClock | None
 
     A clock explains the times if each lies within half a unit of its own last place, or within `jitter_s`. With step
     b, that leaves the start to [max(low_i - b i), min(high_i - b i)], whose length is concave in b: tried are a whole
-    number of rows a second, the least-squares step, and then the side on which the interval grows. A time half-way
-    between two units may be rounded to either, but not now to one and now to the other where each step is a whole
-    number of units. A single row that is missing or doubled is not taken for a clock that is slow or fast by one row in
-    all. The clock keeps the first time where the others allow it; None where no rounding explains the times.
+    number of rows a second, the least-squares step, and then the side on which the interval grows. A single row that
+    is missing or doubled is no clock that is slow or fast by one row in all. None where no rounding explains the times.
     """
     index = np.arange(len(time_s))
     if len(time_s) < 2 or (np.diff(time_s) < 0.0).any() or not time_s[0] < time_s[-1]:
@@ -174,7 +166,6 @@ def _fitted_step(time_s: np.ndarray) -> float:
 
 
 def _whole(step_s: float, unit: np.ndarray) -> np.ndarray:
-    """(n,) bool, whether a step is a whole number, one at least, of each unit."""
     with np.errstate(all="ignore"):
         times = step_s / unit
         return (times > 0.5) & (np.abs(times - np.round(times)) < 1e-4)
@@ -195,9 +186,8 @@ def check_clock(time_s: np.ndarray, lines: np.ndarray, path: Path, *, rows: int 
                 ) -> tuple[np.ndarray, list[str]]:
     """The instants of a recording, freed from rounding, and what is doubtful about them; refused if they are no clock.
 
-    Recordings at 60 Hz often carry times such as 0.4, 0.417, 0.433; differentiated twice, that rounding alone makes
-    accelerations of tens of rad/s^2. What is truly uneven, or already even to a microsecond, stays as it is. Time must
-    increase without a step longer than 0.1 s or five median steps; `lines` are the file's, of each.
+    Times such as 0.4, 0.417, 0.433, differentiated twice, make accelerations of tens of rad/s^2. What is truly uneven,
+    or even to a microsecond, stays. Time must increase without a step longer than 0.1 s or five median steps.
     """
     time, warnings = time_s, list[str]()
     if len(time) < rows:
@@ -226,8 +216,7 @@ def even_rate(time_s: np.ndarray, lines: np.ndarray, path: Path, *,
               stated_hz: float | None = None) -> tuple[float, float, list[str]]:
     """Rate (1/s) and start (s) of rows that are evenly spaced but for rounding or jitter, and what is doubtful.
 
-    `lines` are the file's, of each time. The rate is `stated_hz`, which the header says, where the times agree; times
-    that are uneven or do not increase are refused.
+    The rate is `stated_hz`, which the header says, where the times agree; uneven times are refused.
     """
     if len(time_s) < 2:
         raise InputError(f"has {len(time_s)} rows of numbers", file=path, right="At least 2 are needed")
