@@ -64,7 +64,7 @@ def test_foot_that_brushes_the_ground_in_swing_is_told_with_time_and_load_but_fo
 
 def test_fit_that_ends_on_a_bound_is_doubted():
     fit = OffsetFit(
-        offsets=GeometricOffsets(), standard_error=GeometricOffsets(), cost_before=2.0, cost=1.0, evaluations=9,
+        offsets=GeometricOffsets(), standard_error=GeometricOffsets(), cost=1.0,
         success=False, message="ran out of evaluations", at_bound=("fore_aft_m",))
     found = warned(make_walk(), make_plate(), fit)
     assert any("fore_aft_m" in sentence for sentence in found)

@@ -5,13 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from pydrake.solvers import (
-    IpoptSolver,
-    MathematicalProgram,
-    MathematicalProgramResult,
-    SolverInterface,
-    SolverOptions,
-)
+from pydrake import solvers as drake
 
 
 class Interruptible(Protocol):
@@ -21,12 +15,12 @@ class Interruptible(Protocol):
 
 
 def solved(
-    solver: SolverInterface, program: MathematicalProgram, start: np.ndarray, options: SolverOptions,
+    solver: drake.SolverInterface, program: drake.MathematicalProgram, start: np.ndarray, options: drake.SolverOptions,
     evaluating: Interruptible
-) -> MathematicalProgramResult:
+) -> drake.MathematicalProgramResult:
     """The result of `solver` on `program` from `start`; KeyboardInterrupt where one passed through a cost or pydrake.
     """
-    options.SetOption(IpoptSolver.id(), "option_file_name", "")  # else it reads ipopt.opt of the current folder
+    options.SetOption(drake.IpoptSolver.id(), "option_file_name", "")  # else it reads ipopt.opt of the current folder
     try:
         result = solver.Solve(program, start, options)
     except RuntimeError as error:

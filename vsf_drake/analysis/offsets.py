@@ -1,11 +1,8 @@
 """Height, fore-aft position and alignment of the prosthesis, fitted to one recording.
 
-No recording tells how high the person's pelvis stood over the ground to a millimetre, nor how the foot sits
-under its pylon, and 1 mm or 1 degree moves the force by several percent of body weight. The fit
-sets these three by weighted nonlinear least squares (trust region, bounded; scipy) on the
-components of the ground reaction force in the sagittal plane and the fore-aft centre of pressure,
-with weak priors that keep what the data do not tell near zero. Each simulation brings its own exact
-derivatives, so that residuals and Jacobian at one point are one run.
+No recording tells these three well enough: 1 mm or 1 degree moves the force by several percent of body weight. They
+are set by bounded least squares on the sagittal components of the ground reaction force and the fore-aft centre of
+pressure, with weak priors. Each simulation brings its own exact derivatives: residuals and Jacobian are one run.
 """
 
 from __future__ import annotations
@@ -24,22 +21,14 @@ from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.walk import Walk, Walker
 
 NAMES = ("height_m", "fore_aft_m", "alignment_rad")
-VARIABLES = ("offset.height", "offset.fore_aft", "offset.alignment")
-"""The same among the variables of a walk."""
-BOUNDS = np.array([0.10, 0.06, np.radians(15.0)])
-"""Largest offsets (m, m, rad), both ways."""
-PRIOR = np.array([0.05, 0.03, np.radians(8.0)])
-"""Standard deviations of the offsets before any data: choices, wider than what clinics leave unmeasured."""
-FORCE_NOISE_BW = 0.05
-"""Error of the force components that the model is expected to have (a choice: the paper's 5.3 % body weight)."""
-COP_NOISE_FL = 0.05
-"""The same for the centre of pressure, in foot lengths (the paper's 5.7 to 9.5 %)."""
-ENOUGH = 1e-4
-"""The fit ends when a step betters the cost by less than this part: what is left is below half a standard error."""
-FIT_STEP_S = 2e-3
-SCAN_STEP_S = 4e-3
-STRIDE = 4
-"""Every fourth instant of the 40 Hz force series is a residual: they are no more independent than that."""
+VARIABLES = ("offset.height", "offset.fore_aft", "offset.alignment")  # the same among the variables of a walk
+BOUNDS = np.array([0.10, 0.06, np.radians(15.0)])  # largest offsets (m, m, rad), both ways
+PRIOR = np.array([0.05, 0.03, np.radians(8.0)])  # standard deviations (choices): wider than what clinics leave
+FORCE_NOISE_BW = 0.05  # expected error of the force components (a choice: the paper's 5.3 % body weight)
+COP_NOISE_FL = 0.05  # and of the centre of pressure, in foot lengths (the paper's 5.7 to 9.5 %)
+ENOUGH = 1e-4  # the fit ends when a step betters the cost by less than this part: below half a standard error
+FIT_STEP_S, SCAN_STEP_S = 2e-3, 4e-3
+STRIDE = 4  # every fourth instant of the 40 Hz force series is a residual: no more of them are independent
 
 
 @dataclass(frozen=True)
@@ -48,9 +37,7 @@ class OffsetFit:
 
     offsets: GeometricOffsets
     standard_error: GeometricOffsets  # of each, from the Jacobian and the assumed noise
-    cost_before: float | None  # at zero offsets; None if the walk diverges there
     cost: float
-    evaluations: int  # simulations run, those of the scan of heights included
     success: bool  # the optimiser's own verdict
     message: str  # in its words
     at_bound: tuple[str, ...]  # names of offsets that ended on a bound
@@ -59,10 +46,7 @@ class OffsetFit:
 def fit_offsets(
     trial: Trial, *, walker: Walker | None = None, progress: Callable[[int, float], None] | None = None
 ) -> OffsetFit:
-    """Fits the three offsets to the plate under the prosthetic foot.
-
-    A scan of heights first finds where the vertical impulse fits, since the fit proper sees nothing
-    of a foot that misses the ground.
+    """Fits the three offsets to the plate under the prosthetic foot, from the height at which the impulse fits.
 
     `walker` is a person built before; `progress` is called with the number of simulations so far and the current cost.
     Refused where the foot meets the ground as the plate says at no height within the bounds; SimulationError where a
@@ -70,17 +54,11 @@ def fit_offsets(
     """
     problem = OffsetProblem(walker or Walker(trial.subject, trial.model), trial, progress)
     start = np.array([_height_by_impulse(problem), 0.0, 0.0])
-    try:
-        first = problem.residuals(np.zeros(3))
-        cost_before = 0.5 * float(first @ first)
-    except SimulationError:
-        cost_before = None
     solution = minimise(problem.residuals, problem.jacobian, start)
     covariance = np.linalg.inv(solution.jac.T @ solution.jac)
     return OffsetFit(
         offsets=_offsets(solution.x), standard_error=_offsets(np.sqrt(np.diag(covariance))),
-        cost_before=cost_before, cost=float(solution.cost), evaluations=problem.simulations,
-        success=bool(solution.success), message=str(solution.message),
+        cost=float(solution.cost), success=bool(solution.success), message=str(solution.message),
         at_bound=tuple(name for name, active in zip(NAMES, solution.active_mask, strict=True) if active))
 
 

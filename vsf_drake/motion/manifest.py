@@ -28,22 +28,21 @@ the manifest's folder.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from vsf_drake.bench_curves import load_bench_file
-from vsf_drake.contact_file import load_contact
+import yaml
+
 from vsf_drake.errors import InputError
 from vsf_drake.files import user_path
-from vsf_drake.model_file import load_model
 from vsf_drake.motion.markers.person_facts import SEXES, PersonFacts
 from vsf_drake.parameters import SIDES, Subject
 from vsf_drake.schema import check, choice, load_yaml, quantity
 from vsf_drake.sentences import say
+from vsf_drake.yaml_file import read_yaml
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 MARKER_FILES = (".c3d", ".trc")
@@ -173,15 +172,15 @@ def load_manifest(path: str | Path) -> Manifest:
 
 def _other_kind(path: Path) -> InputError | None:
     """What to say of a file that is something else's; None where it is nothing that is known."""
-    kinds: dict[str, Callable[[Path], object]] = {
-        "subject": load_stated_subject, "model": load_model, "fitted contact": load_contact, "bench": load_bench_file}
-    small = path.is_file() and path.stat().st_size < 2**16  # as all such files are: the others would be read five times
-    for kind, load in kinds.items() if small else ():
-        with contextlib.suppress(InputError):
-            load(path)
-            return InputError(f"is a {kind} file and no trial manifest", file=path,
-                              right="Name the manifest, whose keys are subject, prosthesis, kinematics or markers, ...")
-    return None
+    try:
+        node = read_yaml(path)
+    except InputError:  # `load_yaml` says why
+        node = None
+    keys = {key.value for key, _ in node.value} if isinstance(node, yaml.MappingNode) else set()
+    kinds = {"prosthetic_side": "subject", "foot": "model", "converged": "fitted contact", "forefoot": "bench"}
+    return next((InputError(f"is a {kind} file and no trial manifest", file=path, right="Name the manifest, whose keys "
+                            "are subject, prosthesis, kinematics or markers, ...")
+                 for key, kind in kinds.items() if key in keys), None)
 
 
 def named_file(manifest_path: Path, key: str, value: str) -> Path:

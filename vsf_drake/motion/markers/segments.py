@@ -28,17 +28,12 @@ class SegmentMarkers:
 
     labels: tuple[str, ...]  # (k,) as in the recordings
     p_BM: np.ndarray  # (k, 3) m
-    p_PB: np.ndarray
-    """(3,) m, the segment's origin (its proximal joint centre) in the parent's frame; zero for the pelvis. The model's
-    person, whose segments hang straight under each other, need not have exactly these."""
+    p_PB: np.ndarray  # (3,) m, the segment's origin (its proximal joint centre) in the parent's frame; pelvis: zero
 
 
 @dataclass(frozen=True, eq=False)
 class FootPoints:
-    """Heel (rearmost) and toe (tip) of a foot's sole in its segment's frame (m).
-
-    Both have z = the height of the sole: the ankle stands at -z above the floor when the foot is flat.
-    """
+    """Heel (rearmost) and toe (tip) of a foot's sole in its segment's frame (m): -z is the ankle's height when flat."""
 
     p_FHeel: np.ndarray
     p_FToe: np.ndarray
@@ -51,9 +46,7 @@ class Calibration:
     subject: Subject  # mass, stature and every measured length
     segments: dict[str, SegmentMarkers]  # all seven of `SEGMENTS`
     feet: dict[str, FootPoints]  # by side ("right", "left")
-    angles_rad: dict[str, float]
-    """The coordinates at standing, by name, both ankles included (nothing is zeroed); the pelvis's translations in m.
-    """
+    angles_rad: dict[str, float]  # the coordinates at standing, nothing zeroed; the pelvis's translations in m
     lengths_m: dict[str, float]  # for the report: thigh_right, ankle_height_left, hip_width, ...
     method: tuple[str, ...] = ()  # sentences on how each joint centre and axis was found
     notes: tuple[str, ...] = ()  # sentences on what was assumed or looks doubtful
@@ -98,20 +91,14 @@ class TrackedMotion:
 
 # Rigid pose of a cluster of markers in every frame, by least squares, and which markers determine a segment.
 #
-# The pose (R, p) minimises sum_k |R m_k + p - x_k|^2 over the markers k seen in the frame, with m_k in the
-# segment's frame B and x_k in W: R from the singular value decomposition of the cross-dispersion matrix, the
-# reflection excluded by the sign of its determinant (Soederkvist & Wedin 1993, doi 10.1016/0021-9290(93)90098-Y).
+# The pose (R, p) minimises sum_k |R m_k + p - x_k|^2 over the markers k seen in the frame, m_k in the segment's frame B
+# and x_k in W, reflections excluded (Soederkvist & Wedin 1993, doi 10.1016/0021-9290(93)90098-Y).
 
 
 FEWEST_MARKERS = 3
-LEAST_WIDTH_M = 1e-3
-"""Markers whose RMS distance from the straight line through them is below a millimetre leave the turn about that line
-to their noise: no pose."""
-NARROW_M = 0.015
-"""A cluster of RMS half-width below this is too near to a straight line to stand alone: 3 mm of skin motion on three
-markers would turn it by 7 degrees about that line."""
-NARROWEST_M = 0.005
-"""Below this a cluster does not determine its segment even with the joint centre: those 3 mm turn it by 20 degrees."""
+LEAST_WIDTH_M = 1e-3  # markers nearer (RMS) to the straight line through them leave the turn about it to their noise
+NARROW_M = 0.015  # a narrower cluster cannot stand alone: 3 mm of skin motion would turn it by 7 degrees
+NARROWEST_M = 0.005  # nor with the joint centre: those 3 mm turn it by 20 degrees
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,11 +139,9 @@ def rigid_poses(p_BM: np.ndarray, p_WM: np.ndarray) -> RigidPoses:
 
 
 def mean_shape(shape: np.ndarray, p_WM: np.ndarray) -> np.ndarray:
-    """(k, 3) m: the markers' mean places in the segment as it moves, in the frame that `shape` (k, 3) m lies in.
+    """(k, 3) m: the rigid body that fits the frames (n, k, 3) best, in the frame of `shape` (k, 3) m.
 
-    The rigid body that fits the frames (n, k, 3) best, by turns its pose and its shape (generalised Procrustes
-    analysis, Gower 1975, doi 10.1007/BF02291478); two turns leave far less than noise. `shape` itself where no frame
-    shows a pose.
+    By turns its pose and its shape (generalised Procrustes analysis, Gower 1975, doi 10.1007/BF02291478), twice.
     """
     for _ in range(2):
         poses = rigid_poses(shape, p_WM)
@@ -167,10 +152,7 @@ def mean_shape(shape: np.ndarray, p_WM: np.ndarray) -> np.ndarray:
 
 
 def cluster_width(p_BM: np.ndarray) -> float:
-    """RMS distance (m) of the markers (k, 3) from the straight line that fits them best; zero for two or fewer.
-
-    A marker error e turns the pose about that line by about e / (sqrt(k) width).
-    """
+    """RMS distance (m) of the markers (k, 3) from the straight line that fits them best; zero for two or fewer."""
     if len(p_BM) < FEWEST_MARKERS:
         return 0.0
     return float(_width((p_BM - p_BM.mean(axis=0))[None], np.ones((1, len(p_BM))))[0])
@@ -190,7 +172,7 @@ def needs_joint_centre(p_BM: np.ndarray) -> bool:
 
 
 def with_joint_centre(p_BM: np.ndarray) -> np.ndarray:
-    """(k + 1, 3) m: the markers, and the segment's origin, which is its proximal joint centre."""
+    """(k + 1, 3) m: the markers, and the segment's origin."""
     return np.vstack([p_BM, np.zeros(3)])
 
 
