@@ -25,8 +25,7 @@ from vsf_drake.motion.trial import PLACEHOLDER_KG, Trial, TrialOptions, check_ma
 from vsf_drake.parameters import FootParameters
 from vsf_drake.sentences import say
 
-WEIGHED = 0.02
-"""Error of a body mass that the plates of a walk or of a standing trial tell (`mass_from_walk`: one or two percent)."""
+WEIGHED = 0.02  # error of a body mass that the plates tell (`mass_from_walk`: one or two percent)
 BESIDE = ("{}.mot", "{}_grf.mot", "{}.sto", "{}_grf.sto", "{}.csv", "{}_grf.csv", "{}.forces")
 """Names of a force file beside `walk.trc`, the first that exists counts; {} is the walk's name without suffix."""
 RESERVED = ("subject", "model", "standing", "import")  # names that a result folder needs for itself

@@ -16,33 +16,21 @@ from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import median_filter
+from scipy.spatial import Delaunay
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.events import (
-    MINIMUM_PEAK_N,
-    MINIMUM_S,
-    THRESHOLD_N,
-    Span,
-    Stance,
-    find_scuffs,
-    find_stances,
-    kinematic_stances,
-    walking_direction,
-)
+from vsf_drake.motion import events
+from vsf_drake.motion.events import THRESHOLD_N, Span, Stance, find_scuffs, find_stances
 from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording
 from vsf_drake.motion.markers.segments import FootTrack
 from vsf_drake.sentences import say
 
-SAME_FORCE = 0.02
-"""Two plates whose forces differ by less than this share of themselves report one load: no two steps are so alike."""
-TAIL_S, TAIL_N = 0.1, 5.0
-"""A load's force below 20 N, before and after it, belongs to it down to 5 N and for at most this long."""
-TOLERANCE_S = 0.12
-"""A stance may begin before its load and end after it by this much: three times the error of kinematic events."""
+SAME_FORCE = 0.02  # plates whose forces differ by a smaller share of themselves report one load
+TAIL_S, TAIL_N = 0.1, 5.0  # a load's force below 20 N belongs to it down to 5 N and for at most this long
+TOLERANCE_S = 0.12  # a stance may overlap its load by this much at both ends: three times the error of kinematic events
 WIDEN_S = 0.05  # what is called unmeasured is wider by this, for the same reason
 FAR_M = 0.15  # a centre of pressure farther than this from a heel-toe line is not under that foot: a shoe is 0.1 m wide
-BESIDE_M = 0.07
-"""One farther than this, as a median, is beside a foot rather than under it: half a shoe and 2 cm of error."""
+BESIDE_M = 0.07  # one farther than this, as a median, is beside a foot: half a shoe and 2 cm of error
 SWING_COST_M = 0.1  # added to the distance of a foot that swings: it may pass near the load, but does not carry it
 SWING_MARGIN_S = 0.1  # a foot counts as swinging only this far inside its swing: kinematic events are good to 0.04 s
 SHORTEST_TURN_S = 0.1  # the nearest foot changes for at least this long, or it did not change
@@ -50,9 +38,7 @@ PULLED_M = 0.06  # a load that moves this much farther from its foot while the o
 SHARED_S = 0.05
 LIGHT_N = 50.0  # below this the centre of pressure is too noisy to judge by
 ANALYSIS_HZ = 250.0
-REVERSED = -0.2
-"""Progress of the centre of pressure along the sole (in its lengths) from the first to the last third of a contact:
-a foot rolls from heel to toe by 0.5 or so."""
+REVERSED = -0.2  # of the centre of pressure along the sole (in its lengths), first to last third: usual is 0.5
 
 
 @dataclass(frozen=True)
@@ -113,8 +99,8 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
         if name not in known:
             raise InputError(f"there is no plate {name}", file=file, where=f"forces.{side} (--{side}-plate)",
                              right=f"Plates are: {', '.join(known)}")
-    forward = walking_direction(feet, pelvis_W)
-    stances = {side: tuple(kinematic_stances(time_s, feet[side], pelvis_W, forward_W=forward)) for side in SIDES}
+    forward = events.walking_direction(feet, pelvis_W)
+    stances = {side: tuple(events.kinematic_stances(time_s, feet[side], pelvis_W, forward_W=forward)) for side in SIDES}
     floor = _FeetOnFloor(time_s, feet, stances)
     plates, notes = _without_doubles(recording, floor)
     force_s = recording.force_time_s
@@ -167,7 +153,7 @@ def _check_upward(plate: Plate, file: Path) -> None:
         row = int(np.argwhere(~np.isfinite(plate.force_n))[0][0])
         raise InputError(f"the force of sample {row + 1} is not a finite number", file=file, where=where)
     size = np.linalg.norm(plate.force_n, axis=1)
-    if size.max(initial=0.0) < MINIMUM_PEAK_N:
+    if size.max(initial=0.0) < events.MINIMUM_PEAK_N:
         return
     mean = plate.force_n[size > 0.3 * size.max()].mean(axis=0)
     if np.argmax(np.abs(mean)) != 2:
@@ -189,7 +175,8 @@ def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Pl
 
     for a, b in combinations(recording.plates, 2):
         both = (a.force_n[:, 2] > LIGHT_N) & (b.force_n[:, 2] > LIGHT_N)
-        if a in left_out or b in left_out or np.count_nonzero(both) / (recording.force_rate_hz or 1.0) < MINIMUM_S:
+        shared_s = np.count_nonzero(both) / (recording.force_rate_hz or 1.0)
+        if a in left_out or b in left_out or shared_s < events.MINIMUM_S:
             continue
         apart = np.linalg.norm(a.force_n[both] - b.force_n[both])
         if apart > SAME_FORCE * np.linalg.norm(a.force_n[both]):
@@ -333,7 +320,7 @@ def _judge_sharing(load: _Load, loads: Sequence[_Load], floor: _FeetOnFloor) -> 
 
 
 def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
-    """(k,) whether some point of a foot's line lies within half a shoe of the plate: one beside it cannot load it."""
+    """(k,) whether some point of a foot's line lies within half a shoe of the plate."""
     sides = corners_m[:, :2] - corners_m[:, :2].mean(axis=0)
     wider = corners_m[:, :2] + BESIDE_M * np.sqrt(2.0) * sides / np.linalg.norm(sides, axis=1, keepdims=True)
     touches = np.zeros(len(heel), dtype=bool)
@@ -344,13 +331,7 @@ def _touches(heel: np.ndarray, toe: np.ndarray, corners_m: np.ndarray) -> np.nda
 
 def _inside(points: np.ndarray, corners_m: np.ndarray) -> np.ndarray:
     """(n,) whether points (n, 2) lie within the plate, whatever order its corners came in."""
-    flat = np.asarray(corners_m, dtype=float)[:, :2]
-    centred = flat - flat.mean(axis=0)
-    corners = flat[np.argsort(np.arctan2(centred[:, 1], centred[:, 0]))]
-    edges = np.roll(corners, -1, axis=0) - corners
-    apart = points[:, None] - corners[None]
-    left_of = edges[None, :, 0] * apart[..., 1] - edges[None, :, 1] * apart[..., 0] >= 0.0
-    return np.asarray(left_of.all(axis=1))
+    return np.asarray(Delaunay(corners_m[:, :2]).find_simplex(points) >= 0)
 
 
 # The forces of several plates as one force on one foot; and when it is not known, on ground that no plate measures.
@@ -397,8 +378,7 @@ def _with_tails(load: _Load) -> Span:
 
 def _unmeasured(loads: Sequence[_Load], stances: dict[str, tuple[Stance, ...]],
                 record: Span) -> tuple[dict[str, tuple[Span, ...]], dict[int, str]]:
-    """By side, stances of which some part is on no plate; and warnings about loads that cover them in part, by
-    index."""
+    """By side, stances of which some part is on no plate; and warnings about loads that cover them in part."""
     missing: dict[str, tuple[Span, ...]] = {}
     warnings: dict[int, str] = {}
     for side in SIDES:

@@ -16,10 +16,9 @@ MINIMUM_S = 0.15
 BRIDGE_S = 0.03
 MINIMUM_PEAK_N = 100.0
 FASTEST_PER_S, WITHIN_S, LEAST_JUMP_N = 70.0, 0.005, 200.0
-"""Steepest change of a walking foot's force, as a share of the record's peak per second, and the time (or the one
-sample, if that is longer) over which it is looked at. Users of a prosthesis who walk fast load at 9 to 16 body weights
-a second, recorded and embedded walks show up to 27 at touch-down and 13 at lift-off; twice and more is a choice. A
-change of less than LEAST_JUMP_N says nothing: laboratories blank forces of up to some 50 N (a choice)."""
+"""Steepest change of a walking foot's force, as a share of the record's peak per second, the time over which it is
+looked at, and the least change that says something (choices). Recorded and embedded walks show up to 27 at touch-down
+and 13 at lift-off; laboratories blank forces of up to some 50 N."""
 Span = tuple[float, float]  # start and end, s
 
 
@@ -54,15 +53,12 @@ class Stance:
 
 def find_stances(time_s: np.ndarray, vertical_force: np.ndarray, *, threshold_n: float = THRESHOLD_N,
                  bridge_s: float = BRIDGE_S) -> list[Stance]:
-    """Stances, in order of time.
+    """Stances, in order of time, from (n,) increasing s and N on the foot, up positive; all finite, else ValueError.
 
-    The foot is on the ground while the force exceeds the threshold. The hysteresis is in time: a drop-out shorter than
-    `bridge_s` does not end a contact, and a contact that is shorter than `MINIMUM_S` or never reaches `MINIMUM_PEAK_N`
-    (a scuff in swing) is no stance. A contact cut by an end of the record counts however short it is, if it reaches the
-    peak. One that begins or ends by a jump that no foot makes is marked as cut there too: its force was switched on or
-    off, or blanked, while the foot stood. Instants are interpolated linearly between samples.
-
-    Both (n,): increasing s, and N on the foot, up positive; finite, else ValueError.
+    The foot is on the ground while the force exceeds the threshold. A drop-out shorter than `bridge_s` does not end a
+    contact; one that is shorter than `MINIMUM_S` (unless an end of the record cuts it) or never reaches
+    `MINIMUM_PEAK_N`, a scuff in swing, is no stance. One that begins or ends by a jump that no foot makes is marked as
+    cut there. Instants are interpolated linearly between samples.
     """
     return [contact for contact, stands in _contacts(time_s, vertical_force, threshold_n, bridge_s) if stands]
 
@@ -130,11 +126,9 @@ def longest_run(flags: ArrayLike) -> np.ndarray:
 #
 # Zeni, Richards and Higginson 2008 (Gait & Posture 27, 710-714, doi 10.1016/j.gaitpost.2007.07.007): along the
 # direction of walking, the heel is farthest ahead of the pelvis at heel strike and the toe farthest behind it at
-# toe-off. Being relative to the pelvis it holds over ground and on a treadmill, whose belt carries the foot.
-#
-# These instants are sure but coarse: on two laboratories' walks strikes come up to 63 ms early and lifts up to 30 ms
-# late. So each is sharpened nearby: the strike to where the heel comes to rest on the ground (the belt), the
-# lift to the toe's largest upward acceleration. Against 20 N on the plates the sharpened events lie within 35 ms.
+# toe-off, over ground and on a treadmill. These instants are sure but coarse (63 ms early, 30 ms late), so each is
+# sharpened: the strike to where the heel comes to rest, the lift to the toe's largest upward acceleration. Against 20 N
+# on the plates these lie within 35 ms.
 
 
 SMALLEST_STEP_M = 0.15  # a foot that moves less than this to and fro under the pelvis does not walk
@@ -151,10 +145,8 @@ def kinematic_stances(time_s: np.ndarray, foot: FootTrack, pelvis_W: np.ndarray,
                       forward_W: np.ndarray | None = None) -> list[Stance]:
     """When a foot stands on the ground, as far as its motion tells, in order of time (n,) s, evenly spaced.
 
-    A stance that lasts to an end of the record is marked so (`start_seen`, `end_seen`). A foot that does not walk
-    stands all the time if its sole stays near its lowest, and else never. `pelvis_W` is (n, 3) m of a point of the
-    pelvis, `forward_W` (2,) the direction of walking in the floor: from `walking_direction` of both feet, or else from
-    this one."""
+    A foot that does not walk stands all the time if its sole stays near its lowest, and else never. `pelvis_W` is
+    (n, 3) m of a point of the pelvis, `forward_W` (2,) the direction of walking: that of this foot by default."""
     forward = walking_direction({"": foot}, pelvis_W) if forward_W is None else np.asarray(forward_W, dtype=float)
     heel, toe = ((point - pelvis_W)[:, :2] @ forward for point in (foot.heel_W, foot.toe_W))
     sole = np.minimum(foot.heel_W[:, 2], foot.toe_W[:, 2])
@@ -188,7 +180,6 @@ def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
 
 def _with_ends(events: list[tuple[float, bool]], heel: np.ndarray, toe: np.ndarray,
                time_s: np.ndarray) -> list[tuple[float, bool]]:
-    """The same, with a strike after the last lift or a lift before the first strike too near an end to stand out."""
     events = list(events)  # a foot that has turned back under the pelvis for longer than an event can be wrong
     if not events[-1][1]:
         after = np.flatnonzero(time_s > events[-1][0])
@@ -219,7 +210,6 @@ def _pair(time_s: np.ndarray, events: list[tuple[float, bool]]) -> list[Stance]:
 
 
 def _sharpened(stance: Stance, time_s: np.ndarray, foot: FootTrack) -> Stance:
-    """The same stance with the ends that the record shows moved to where heel and toe tell them more sharply."""
     start, end = stance.start_s, stance.end_s
     heel, toe = (np.gradient(point, time_s, axis=0) for point in (foot.heel_W, foot.toe_W))
     middle = (time_s > 0.7 * start + 0.3 * end) & (time_s < 0.3 * start + 0.7 * end)

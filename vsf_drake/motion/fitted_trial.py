@@ -31,10 +31,9 @@ _GRAIN, _GRAIN_N = 1e-6, 1e-3  # s, m, rad; and N: numbers that differ by less a
 def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None = None) -> Trial:
     """`trial` as the fit sees it: its model with the fitted values, its offsets and coordinates with what they add.
 
-    Shifts and curves are added to the recorded samples. The height and the path that were fitted to a recording are
-    taken only for that recording, told by its `fingerprint`. A note says what was applied; the hash of the `file` that
-    the contact was read from joins the trial's inputs. Refused for another person or side, a model that lacks a zone,
-    or a trial that has a fitted contact already."""
+    The height and the path that were fitted to a recording are taken only for that recording, told by its
+    `fingerprint`. A note says what was applied; the hash of `file` joins the trial's inputs. Refused for another person
+    or side, a model that lacks a zone, or a trial that has a fitted contact already."""
     check_person(trial.subject, contact, file=file)
     if any(note.startswith(APPLIED) for note in trial.notes):
         raise InputError("the trial has a fitted contact already", file=file, where=trial.name)
@@ -114,9 +113,8 @@ def _trajectory(trial: Trial, contact: FittedContact, own: FittedTrial | None) -
 #
 # Between these instants the phase is the quintic through them whose second derivative vanishes at each and whose rate
 # there is the harmonic mean of the mean rates before and after, at most 1.25 times the smaller one: its derivative then
-# has positive Bernstein coefficients, so that the phase rises all the way, and it is C2 in time, where straight lines
-# would bend the rate at every strike and lift-off. Before the first and after the last stance, and through a trial with
-# a single stance, it is a straight line at that stance's own mean rate.
+# has positive Bernstein coefficients, so that the phase rises all the way, and it is C2 in time. Before the first and
+# after the last stance it is a straight line at that stance's own mean rate.
 
 
 STANCE_SHARE = 0.62  # foot-off of slow walking: Schwartz 2008, doi 10.1016/j.jbiomech.2008.03.015

@@ -32,9 +32,8 @@ def read_kinematics(storage: Storage, *, prosthetic_side: str,
     """The person's coordinates, `person_coordinates(prosthetic_side)`, out of an OpenSim table, and notes.
 
     Columns are plain names (`hip_flexion_r`) or OpenSim paths (`/jointset/hip_r/hip_flexion_r/value`), angles in
-    degrees or radians (`unit` where the header does not say which), translations in m; other columns are ignored.
-    Pelvis, hip flexion, knee angle and the intact ankle angle are required; of the rest, what is missing is zero and
-    noted. The knees are flipped, and that is noted, where flexion is negative in the file.
+    degrees or radians (`unit` where the header does not say which). Pelvis, hip flexion, knee angle and the intact
+    ankle angle are required; what else is missing is zero and noted, as are knees turned round (flexion negative).
     """
     time, warnings = check_clock(storage.time_s, storage.lines, storage.path, rows=SPLINE_ORDER + 1)
     if storage.in_degrees is None and unit is None:
@@ -187,10 +186,8 @@ def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> d
 def read_plate(storage: Storage, prefix: str, *, mass_kg: float) -> tuple[PlateRecording, list[str]]:
     """The force on one foot, and notes on what was assumed; refused where it is not of a person of this mass, upward.
 
-    Columns are `<prefix>_vx` to `_vz` (N), `<prefix>_px` to `_pz` (m, may be absent) and a torque (N m, may be absent)
-    named like `ground_torque_r_y` for the prefix `ground_force_r`. The torque is that about the point (px, py, pz);
-    where it is not vertical, or the point not on the ground, the centre of pressure is moved so that force, centre and
-    free moment together are the same load.
+    Columns are `<prefix>_vx` to `_vz` (N), and if there `_px` to `_pz` (m) and a torque (N m) about that point, named
+    like `ground_torque_r_y`. The centre of pressure is where the same load has a vertical moment alone, on the ground.
     """
     time, warnings = check_clock(storage.time_s, storage.lines, storage.path)
     columns = opensim_columns(prefix, storage.names)

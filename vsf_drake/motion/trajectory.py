@@ -17,11 +17,9 @@ SPLINE_ORDER = 5
 class CoordinateTrajectory:
     """Positions, velocities and accelerations of named coordinates at any time within a recording.
 
-    Each coordinate is the natural quintic spline through its samples: of all smooth functions through them the
-    one with the least squared jerk. Its acceleration is itself C2 and of fourth order in the sample spacing, where
-    that of a cubic has a corner at every sample and is of second order. At both ends jerk and its rate are
-    zero, which keeps noise from blowing up there (a quintic without end conditions multiplies it by five) at the
-    price of accelerations that are less exact over the first and last three or so samples. Nothing is filtered.
+    Each coordinate is the natural quintic spline through its samples: of all smooth functions through them the one with
+    the least squared jerk. Its acceleration is C2 and of fourth order in the sample spacing; at both ends jerk and its
+    rate are zero, so accelerations are less exact over the first and last three or so samples. Nothing is filtered.
 
     `time_s` (n,) s and `values` (n, m) rad and m are as recorded, `names` the m coordinates, `source` the file.
     """
@@ -80,8 +78,7 @@ def window_bsplines(start_s: float, end_s: float, count: int) -> Callable[[np.nd
     """Slow corrections over a window: cubic B-splines (n, count) of times (n,) s, C2, not negative, their sum is 1.
 
     The clamped cubic B-splines on `count` + 1 even intervals of the window, of which the first three are added up, and
-    the last three: so they begin and end with zero rate and acceleration, and can go on as constants outside the
-    window without a corner. The clamped ones themselves would bend there, and with them the walk's start.
+    the last three: so they begin and end with zero rate and acceleration, and go on as constants outside.
     """
     if count < 4:
         raise ValueError(f"{count} splines are no correction of a path: at least 4 are needed")
@@ -116,21 +113,17 @@ def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
 
 # Zero-phase low-pass filter of recordings and results.
 #
-# A Butterworth section run forward and then backward has no phase lag and twice the order,
-# but also twice the attenuation: its amplitude at the design cut-off is 1/2, not 1/sqrt(2). So
-# the section is designed with a higher cut-off, such that -3 dB of the *whole* lies at the
-# frequency that was asked for (Winter 2009, Biomechanics and Motor Control of Human Movement,
-# 4th ed., section 3.4.4.2: for two passes of second order the factor is (sqrt(2) - 1)**(1/4) =
-# 0.802). The correction is applied to the pre-warped frequency tan(pi f / f_s), where it is
-# exact for the discrete filter; applied to f itself it would be off near the Nyquist frequency.
+# A Butterworth section run forward and then backward has no phase lag and twice the order, but its amplitude at the
+# design cut-off is 1/2, not 1/sqrt(2). So the section is designed with a higher cut-off, such that -3 dB of the *whole*
+# lies at the frequency that was asked for (Winter 2009, Biomechanics and Motor Control of Human Movement, 4th ed.,
+# section 3.4.4.2: (sqrt(2) - 1)**(1/4) = 0.802), on the pre-warped frequency tan(pi f / f_s), where it is exact.
 
 
 def low_pass(values: np.ndarray, *, rate_hz: float, cutoff_hz: float, order: int = 4) -> np.ndarray:
     """`values` (n,) or (n, m) without what is faster than `cutoff_hz`, in phase with the input.
 
     At the cut-off the amplitude is 1/sqrt(2). `order` is that of the result: two passes of order / 2. The ends are
-    extended by odd reflection over two periods of the cut-off (or the length of the record), which keeps level and
-    slope there. InputError where the cut-off is impossible at this rate, or a value is not finite.
+    extended by odd reflection. InputError where the cut-off is impossible at this rate, or a value is not finite.
     """
     values = np.asarray(values, dtype=float)
     if order < 2 or order % 2:

@@ -39,13 +39,11 @@ from vsf_drake.yaml_file import read_yaml
 PLACEHOLDER_KG = 70.0
 """Stands for a mass that only the walk tells until the plates are assigned; then the person is calibrated again, since
 the weight says how far the prosthesis was pressed together."""
-LARGE_M = 0.05
-"""A pelvis that has to move farther (RMS) than this does not belong to the leg: lengths or joint centres are wrong."""
+LARGE_M = 0.05  # a pelvis that has to move farther (RMS) does not belong to the leg: lengths or joint centres are wrong
 LONGEST_STRIDE_S = 2.5
 CONTRADICTED = (0.52, 1.25)
-"""Share of a stated mass that plates may carry. More: over a step vertical momentum returns but for some 6 % of the
-weight (0.3 m/s in half a second), plates are gauged to a few percent, shoes and a bag weigh 10 % (a choice). Less: a
-harness or a rail may bear up to half of the weight; pounds taken for kilograms leave 0.45."""
+"""Share of a stated mass that plates may carry. More: vertical momentum (6 % of the weight over a step), gauges, shoes
+and a bag (a choice). Less: a harness or a rail may bear half of it; pounds taken for kilograms leave 0.45."""
 POUND_KG, LIKE_POUNDS = 0.45359237, 0.1  # what a pound is, and how near to it a ratio suggests pounds
 
 
@@ -113,13 +111,12 @@ class TrialOptions:
 def load_trial(path: str | Path) -> Trial:
     """Reads a trial manifest and every file it names. Read the trial's `notes`: they say what was assumed.
 
-    With markers, see `trial_from_recordings`; the plates are given to the feet by where their load acts. With joint
-    angles, files are in OpenSim's laboratory frame (x forward, y up, z right), in m, N, N m and the angle unit that
-    their header states. Forces come back in the world frame W (x forward, y left, z up, ground z = 0); coordinates keep
-    OpenSim's names and, for the pelvis, OpenSim's axes; angles are in rad, knee flexion positive.
-    Recordings are not filtered. See `vsf_drake.motion.manifest` for the keys; paths are relative to its folder. Refused
-    with file, and key, column, line or time, where the columns do not tell the feet, the plates contradict the mass, or
-    window, kinematics and forces share less than a stance of the prosthetic foot.
+    With markers, see `trial_from_recordings`. With joint angles, files are in OpenSim's laboratory frame (x forward,
+    y up, z right), in m, N, N m and the angle unit that their header states; nothing is filtered. Forces come back in
+    the world frame W (x forward, y left, z up, ground z = 0); coordinates keep OpenSim's names and, for the pelvis,
+    OpenSim's axes; angles are in rad, knee flexion positive. See `vsf_drake.motion.manifest` for the keys. Refused
+    where the columns do not tell the feet, the plates contradict the mass, or window, kinematics and forces share less
+    than a stance of the prosthetic foot.
     """
     path = Path(path)
     manifest = load_manifest(path)
@@ -198,8 +195,7 @@ def trial_from_recordings(
     Args:
         standing: the standing trial of the same session; None: the walk itself calibrates, which is doubtful.
         marker_map: what the labels are; None: the shipped map that finds most of them.
-        person: what is stated of the person; without a mass it is what a file states, or taken from the forces of the
-            standing trial or of the walk.
+        person: what is stated; a mass that is not is a file's, or taken from the forces (standing trial or walk).
         fulcrum_m: where the fulcrum stood; `standing_fulcrum_m` in the standing trial, if elsewhere.
         calibration: of the same person and map, from before; then `standing` is not looked at.
         path: the manifest, for messages; the walk's file if None.
@@ -268,16 +264,13 @@ def _calibrated(by: partial[Calibration], person: PersonFacts, *, on_plates: boo
 
 # The pelvis where the model's own prosthetic leg reaches the measured foot.
 #
-# Every segment's pose comes from its own markers, so that segments come apart at the joints by a centimetre or two
-# (skin motion, joint centres). The model's do not: hung from the measured pelvis, its foot would slide and bob by the
-# sum of these errors, and 1 mm of height is 3 % of body weight in the force (a sensitivity found in this model). What
-# counts for the force is where the foot is; so the pelvis's path is moved by as much as puts the prosthetic ankle where
-# the foot's markers show it. Angles stay as measured.
+# Segments posed by their own markers come apart at the joints by a centimetre or two. The model's do not: hung from the
+# measured pelvis, its foot would bob by the sum of these errors, and 1 mm of height is 3 % of body weight in the force.
+# So the pelvis's path is moved by as much as puts the prosthetic ankle where the foot's markers show it; angles stay.
 #
-# Known weakness: markers of a prosthesis lie below its socket and move with what the socket gives under load, which the
-# model's own socket gives once more. What the load changes in stance is therefore flattened, by about the share that
-# the socket has in the compliance of the whole. A nearly rigid socket instead was tried on two walks of able-bodied
-# people: the resultant's error changed by -0.04 to +0.02 body weights, that of the fore-aft force tripled.
+# Known weakness: markers of a prosthesis move with what its socket gives under load, which the model's own socket gives
+# once more. A nearly rigid socket instead, on two walks of able-bodied people, changed the resultant's error by -0.04
+# to +0.02 body weights and tripled that of the fore-aft force.
 
 
 def reaching_pelvis(tracked: TrackedMotion, calibration: Calibration, subject: Subject
@@ -317,10 +310,8 @@ def trial_files(stem: str) -> tuple[str, str]:
 def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str, str]:
     """Writes the two `trial_files` of a trial; their names.
 
-    Both are in OpenSim's frame (x forward, y up, z right). Angles are in degrees, with both ankles where the trial
-    comes from markers. Forces are ground_force_r_vx, ... with the centre of pressure on the floor and the free moment
-    as the vertical torque, ground_torque_r_y. What the trial's belt carried stays carried: the files are of a floor at
-    rest."""
+    Both are in OpenSim's frame. Angles are in degrees, with both ankles where the trial comes from markers. What the
+    trial's belt carried stays carried: the files are of a floor at rest."""
     folder = Path(folder)
     columns = dict(zip(trial.trajectory.names, trial.trajectory.values.T, strict=True))
     if trial.tracked is not None:
@@ -342,10 +333,9 @@ def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str,
 
 
 def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list[str]]:
-    """Mean vertical force of both feet over a stride, in kg, and a note that says so.
+    """Mean vertical force of both feet over the strides in which both stand on plates throughout, in kg, and a note.
 
-    Over a stride the body's vertical momentum returns, so the mean force is the weight. Only strides, from one strike
-    of a foot on a plate to its next, in which both feet stand on plates throughout, count; the mean of all is taken.
+    Over a stride the body's vertical momentum returns, so the mean force is the weight.
     """
     time = walk.force_time_s
     vertical = np.sum([plate.force_W[:, 2] for plate in assignment.plates.values()], axis=0)
@@ -367,8 +357,8 @@ def mass_from_walk(walk: Recording, assignment: Assignment) -> tuple[float, list
 def check_mass(trial: Trial, *, file: str | Path | None) -> None:
     """Refuses a body mass that the plates contradict: mean vertical force over weight is outside CONTRADICTED.
 
-    They tell it over steps: from the strike of one foot to that of the other, each time with the other foot on its
-    plate, so that they carry the body throughout. Where there is no such step, any mass passes.
+    Over steps, from the strike of one foot to that of the other, each time with the other foot on its plate. Without
+    such a step, any mass passes.
     """
     stances = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in trial.plates.items()}
     strikes = sorted((s.start_s, side) for side, carried in stances.items() for s in carried if s.start_seen)
@@ -409,11 +399,9 @@ def trial_window(
 ) -> tuple[Span, list[str]]:
     """The window of a trial (s), and notes on it and on the stances in it; `path` is the manifest, for messages.
 
-    `unmeasured` is when, by side, a foot stands on ground that no plate measures: a model's force there would be
-    compared with zero. Without a requested window, the stretch between those of the prosthetic foot that holds most of
-    its stances is taken; a requested one is kept. Refused where window, kinematics and forces do not overlap, or the
-    prosthetic foot has hardly any load or less than 0.15 s of a stance, or the window is shorter than the shortest
-    complete stance.
+    Without a requested window, the stretch between the `unmeasured` ones of the prosthetic foot that holds most of its
+    stances is taken; a requested one is kept. Refused where window, kinematics and forces do not overlap, or the
+    prosthetic foot has hardly any load or less than 0.15 s of a stance, or the window is shorter than a stance.
     """
     side = subject.prosthetic_side
     plate, stances = plates[side], {s: find_stances(one.time_s, one.force_W[:, 2]) for s, one in plates.items()}
@@ -493,8 +481,7 @@ def on_the_belt(
 ) -> tuple[CoordinateTrajectory, dict[str, PlateRecording], list[str]]:
     """A treadmill recording seen from its belt, where the ground stands still, and a note that says so.
 
-    Only the pelvis's forward position and the centres of pressure change, by speed (+ when the belt runs backward,
-    against W's x) times time. Forces are the same in both frames, since neither accelerates.
+    The pelvis and the centres of pressure move forward by speed (+ when the belt runs backward) times time.
     """
     if speed_m_per_s == 0.0:
         return trajectory, plates, []

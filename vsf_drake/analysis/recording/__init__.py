@@ -1,8 +1,7 @@
 """Whether a recording can drive the model: checks with a mark, a number and a sentence, and what an error may cost.
 
-Every limit that can be is derived from one question: by which share of body weight does the predicted ground
-reaction change? Sensitivities come from a prototype of this model on a recorded walk (resultant force, root mean
-square over stance); they are good to a factor of two or so, which is enough to tell a millimetre from a centimetre.
+Limits are derived, where they can be, from the share of body weight by which the predicted ground reaction changes.
+Sensitivities come from a prototype on a recorded walk (resultant force, RMS over stance), good to a factor of two.
 """
 
 from __future__ import annotations
@@ -19,9 +18,8 @@ GOOD_BW, DOUBTFUL_BW = 0.03, 0.10
 """Change of the force (body weights) up to which an error is good, and up to which doubtful. The smaller is what a
 curve merely stretched from another trial misses (2-3 %), the larger twice the published error of the model (5 %)."""
 FITTED_HIP_BW_PER_DEG = 0.02
-"""What is left of a constant error of hip flexion once the offsets of the prosthesis are fitted, which take out height,
-alignment and most of a drift. Measured, as the other FITTED ones, on three walks of the exact reference subject,
-spoiled in one thing at a time; they agree to a factor of two."""
+"""What is left of a constant error of hip flexion once the offsets are fitted. Measured, as the other FITTED ones, on
+three walks of the exact reference subject, spoiled in one thing at a time; they agree to a factor of two."""
 EXPECTED = ("The mark is that of the expected error: by so much, root mean square over stance, what the checks can see "
             "would change the predicted force once the offsets are fitted (--fit-offsets). Good is below "
             f"{100 * GOOD_BW:.0f} % of body weight, doubtful below {100 * DOUBTFUL_BW:.0f} %; a check that is unusable "

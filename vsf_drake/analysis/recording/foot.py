@@ -16,22 +16,14 @@ from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.person import PersonHandles, add_person
 
-FLAT_RAD = np.radians(1.5)
-"""A foot is flat while its sole is within this of its usual angle in mid-stance: a few times what filtered markers
-scatter, and no more than 3 mm at the middle of a foot that begins to roll (a choice)."""
-MIDDLE = (0.25, 0.45)
-"""Shares of stance in which every foot of a walk is flat: after the forefoot is down, before the heel rises."""
-SEARCH = (0.10, 0.70)
-"""Shares of stance in which flat instants are looked for."""
-TURNS_RAD = np.radians(3.0)
-"""A foot that turns by more than this in `MIDDLE`, a fifth of stance, does not stand (a choice: twice `FLAT_RAD`)."""
-SHORTEST_FLAT_S = 0.10
-"""A foot that keeps its angle for less than this (a prosthesis under a turning shank) is judged over `MIDDLE`."""
+FLAT_RAD = np.radians(1.5)  # of a flat sole from its usual angle in mid-stance (a choice): 3 mm at the foot's middle
+MIDDLE = (0.25, 0.45)  # shares of stance in which every foot is flat: forefoot down, heel not yet rising
+SEARCH = (0.10, 0.70)  # shares of stance in which flat instants are looked for
+TURNS_RAD = np.radians(3.0)  # a foot that turns by more in `MIDDLE` does not stand (a choice: twice `FLAT_RAD`)
+SHORTEST_FLAT_S = 0.10  # a foot that keeps its angle for less (a prosthesis under a turning shank): over `MIDDLE`
 FEWEST_FRAMES = 3
-SLACK_S = 0.05
-"""By which mid-stance may reach over an end of the record (a choice: a third of it)."""
-BALL = 0.7
-"""Heel to ball as a share of the foot's length, on which the heel turns when it rises (a usual figure)."""
+SLACK_S = 0.05  # by which mid-stance may reach over an end of the record (a choice: a third of it)
+BALL = 0.7  # heel to ball as a share of the foot's length, on which the heel turns when it rises (a usual figure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,10 +124,8 @@ def floor_point(foot: FootMotion) -> np.ndarray:
     return np.column_stack([middle[:, :2], np.zeros(len(middle))])
 
 
-# Where the model's feet and centre of mass are while its person follows a recording: kinematics, nothing simulated.
-#
-# The prosthesis hangs under the residual shank as a rigid body: socket and keel undeformed. A real one bends under
-# load, so its toe and heel go "into" the floor here by as much as the device would give.
+# Where the model's feet and centre of mass are while its person follows a recording, the prosthesis as a rigid body:
+# its toe and heel go "into" the floor here by as much as the device would give.
 
 
 def model_motion(

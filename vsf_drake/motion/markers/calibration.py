@@ -16,28 +16,12 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import SIDES, Recording
-from vsf_drake.motion.markers.joints import (
-    COORDINATES,
-    HIP_METHODS,
-    Anatomy,
-    coordinates_of,
-    find_anatomy,
-    joint_angles,
-)
+from vsf_drake.motion.markers import joints
+from vsf_drake.motion.markers import posture as standing_of
+from vsf_drake.motion.markers.joints import COORDINATES, HIP_METHODS, Anatomy
 from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
-from vsf_drake.motion.markers.posture import (
-    MID_FULCRUM_M,
-    NOTE,
-    Posture,
-    facing,
-    find_posture,
-    forefoot_labels,
-    measured_under,
-    right_handed,
-    settling,
-    typical,
-)
+from vsf_drake.motion.markers.posture import MID_FULCRUM_M, NOTE, Posture, facing, forefoot_labels, typical
 from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.schema import check
@@ -54,22 +38,20 @@ def calibrate(
 
     Args:
         standing: a standing trial with the soles flat on the floor z = 0, or a walk in its stead.
-        marker_map: says what the labels are; labels in the result are in its spelling, sides as in a right-handed frame
-            (`posture.prepared` brings other recordings to both).
+        marker_map: says what the labels are; those of the result are in its spelling, in a right-handed frame.
         person: what is stated beside the markers.
-        hip: one of `joints.HIP_METHODS`; Harrington's full regression by default.
-        model, fulcrum_m: the prosthesis (nominal if None) and where its fulcrum stood; they tell how much longer it
-            is than it was under the person.
+        hip: one of `joints.HIP_METHODS`.
+        model, fulcrum_m: the prosthesis (nominal if None) and where its fulcrum stood, for how much it gave.
     """
     sex, prosthetic = check_facts(person)
     if hip not in HIP_METHODS:
         raise InputError(f"{hip!r} is not known", where="hip_centre (--hip)",
                          right=f"Known are: {', '.join(HIP_METHODS)}")
-    standing = right_handed(marker_map.rename(standing), marker_map)
+    standing = standing_of.right_handed(marker_map.rename(standing), marker_map)
     seen = [label for label, x in standing.markers.items() if np.isfinite(x).all(axis=1).any()]
-    posture = find_posture(standing, marker_map.find(seen, standing.path))
+    posture = standing_of.find_posture(standing, marker_map.find(seen, standing.path))
     _check_labels(posture, standing.path)
-    anatomy = find_anatomy(posture, person, hip)
+    anatomy = joints.find_anatomy(posture, person, hip)
     segments = {name: _segment(name, posture, anatomy) for name in SEGMENTS}
     feet = {side: _foot_points(side, segments[f"foot_{side}"], posture, anatomy, person) for side in SIDES}
     lengths = _lengths(segments, feet, anatomy)
@@ -90,8 +72,8 @@ def calibrate(
         **prosthesis_of(prosthetic, anatomy, feet[prosthetic])), file=standing.path)
 
     ankles = {side: np.nanmean(anatomy.p_W[f"foot_{side}"], axis=0) for side in SIDES}
-    load, source = measured_under(standing, posture, ankles, prosthetic, mass)
-    more = settling(load, model or ModelParameters(), fulcrum_m=fulcrum_m)
+    load, source = standing_of.measured_under(standing, posture, ankles, prosthetic, mass)
+    more = standing_of.settling(load, model or ModelParameters(), fulcrum_m=fulcrum_m)
     unloaded = dataclasses.replace(subject, prosthesis_length_m=float(subject.prosthesis_length_m or 0.0) + more)
 
     used = {label for segment in segments.values() for label in segment.labels}
@@ -106,7 +88,7 @@ def calibrate(
     method = (*say("markers", "stretch", still=posture.still, start_s=posture.start_s, end_s=posture.end_s),
               *anatomy.method,
               *say("markers", "lengths", pairs=pairs, load_n=load, source=source, longer_m=more))
-    angles = np.nanmedian(coordinates_of(anatomy.R_W, anatomy.p_W["pelvis"]), axis=0)
+    angles = np.nanmedian(joints.coordinates_of(anatomy.R_W, anatomy.p_W["pelvis"]), axis=0)
     return Calibration(unloaded, segments, feet, dict(zip(COORDINATES, angles.tolist(), strict=True)), lengths, method,
                        tuple(notes))
 
@@ -143,16 +125,13 @@ def _lengths(segments: dict[str, SegmentMarkers], feet: dict[str, FootPoints], a
 
 
 BALL_RATIO = {"toe": 0.73, "met1": 0.73, "met5": 0.62}
-"""Heel to metatarsal head (second, first, fifth) / foot length, where no marker is on the toe's tip: typical of adults'
-feet, a choice, unverified."""
+"""Heel to metatarsal head / foot length, where no marker is on the toe's tip: typical of adults (unverified)."""
 SHORTEST_FOOT_M, LONGEST_FOOT_M = 0.12, 0.38  # shod feet of children and adults (a choice)
-OVER_M = 0.05
-"""Farther ahead of the ankle or behind it the hip is not in standing: of a walk, such frames count (a choice)."""
+OVER_M = 0.05  # frames of a walk with the hip so near above the ankle, fore-aft, are like standing (a choice)
 
 
 def _foot_points(side: str, segment: SegmentMarkers, posture: Posture, anatomy: Anatomy, person: PersonFacts
                  ) -> FootPoints:
-    """Heel and tip of the sole in the foot's frame, on the line from the heel marker along the foot."""
     places = dict(zip(segment.labels, segment.p_BM, strict=True))
     at = {role: places[label] for role in ("heel", "toe_tip", *BALL_RATIO)
           if (label := posture.labelled.roles.get(f"{role}_{side}")) in places}
@@ -173,9 +152,8 @@ def _foot_points(side: str, segment: SegmentMarkers, posture: Posture, anatomy: 
 
 
 def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, float]:
-    """`Subject`'s fields on the prosthesis, from frames in which its sole is flat on the floor (medians).
+    """`Subject`'s fields on the prosthesis, medians over frames in which its sole is flat and the hip above the foot.
 
-    Of a walk, the frames in which the hip is above the foot count: the nearest to standing that it has.
     The foot's place is that of the pylon's end in a standard foot with its heel and sole where they are: `pylon_x_m`
     ahead of the heel and `build_height_m` above the sole. Forward and sideways are of the shank.
     """
@@ -190,7 +168,7 @@ def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, 
 
     end = heel + R_WF @ np.array([foot.pylon_x_m, 0.0, foot.build_height_m])
     place = np.einsum("nij,ni->nj", R_WS, end - p_WS)
-    angles = joint_angles(R_WS.swapaxes(-1, -2) @ R_WF, "ankle", side)
+    angles = joints.joint_angles(R_WS.swapaxes(-1, -2) @ R_WF, "ankle", side)
     ahead = np.abs(np.sum((anatomy.p_W[f"thigh_{side}"] - p_WF) * R_WF[..., :, 0], axis=-1))
     like_standing = ahead < OVER_M
     outward = -1.0 if side == "right" else 1.0
@@ -205,19 +183,14 @@ def prosthesis_of(side: str, anatomy: Anatomy, points: FootPoints) -> dict[str, 
 # Whether the markers of a standing trial are where their labels say: exchanged ones show by geometry.
 
 
-ASTRAY_M = 0.05
-"""A marker that is this much nearer to another thigh or shank than to its own is on the other one (a choice)."""
+ASTRAY_M = 0.05  # a marker so much nearer to another thigh or shank than to its own is on the other one (a choice)
 SAME_PLACE_M = 1e-3  # no two markers are nearer to each other than their own size; a millimetre is the same one twice
-ASKEW_RAD = np.radians(45.0)
-"""The lines over both ASIS and over both PSIS are nearly parallel, and the former nearly level (a choice)."""
-LEAST_RATIO, MOST_RATIO = 0.65, 1.6
-"""Thigh / shank; people have about 0.8 to 1.1 (de Leva 1996: 0.84 women, 0.96 men), prosthetic shanks aside (a
-choice)."""
+ASKEW_RAD = np.radians(45.0)  # the lines over ASIS and PSIS are nearly parallel, the former nearly level (a choice)
+LEAST_RATIO, MOST_RATIO = 0.65, 1.6  # thigh / shank (a choice): de Leva (1996) has 0.84 for women, 0.96 for men
 _RIGHT = "Check the labels of these markers, or the marker map"
 
 
 def _check_labels(posture: Posture, file: str | Path) -> None:
-    """Refuses exchanged labels, by medians over the frames of a walk."""
     points, labelled, needed = posture.points, posture.labelled, posture.needed
 
     def refuse(what: str, *roles: str, labels: Sequence[str] = (), right: str = _RIGHT) -> NoReturn:
@@ -293,7 +266,6 @@ def _check_facing(posture: Posture, forward: np.ndarray, refuse: Callable[..., N
 
 
 def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
-    """Every marker of a thigh or shank is nearest to its own, all four taken as straight lines."""
     ends = {f"{segment}_{side}": (f"{upper}_{side}", f"{lower}_{side}") for side in SIDES for segment, upper, lower
             in (("thigh", "asis", "knee_lateral"), ("shank", "knee_lateral", "ankle_lateral"))}
     for segment, span in ends.items():
@@ -309,7 +281,6 @@ def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
 
 
 def _check_proportions(lengths_m: dict[str, float], posture: Posture, file: str | Path) -> None:
-    """Refuses a thigh far too short or too long for its shank: a knee or ankle marker is not at its joint."""
     for side in SIDES:
         thigh, shank = lengths_m[f"thigh_{side}"], lengths_m[f"shank_{side}"]
         if not LEAST_RATIO * shank < thigh < MOST_RATIO * shank:

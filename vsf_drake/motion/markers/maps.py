@@ -34,8 +34,7 @@ lie, as Plug-in Gait's THI and TIB do, in the plane of proximal joint centre, la
 ROLES = {
     "side": ("asis", "psis", "trochanter", "knee_lateral", "knee_medial", "ankle_lateral", "ankle_medial", "heel",
              "toe", "met1", "met5", "toe_tip", "thigh_plane", "shank_plane", *SIDED_CLUSTERS),
-    "middle": ("sacrum", "head_top", *MIDDLE_CLUSTERS)}
-"""What a map's blocks may give labels to."""
+    "middle": ("sacrum", "head_top", *MIDDLE_CLUSTERS)}  # what a map's blocks may give labels to
 SHIPPED = ("plug_in_gait", "rajagopal", "ior")
 Labels = tuple[str, ...]
 _Side, _Middle = (dataclasses.make_dataclass(name, [(role, Labels, ()) for role in roles], frozen=True, kw_only=True)
@@ -76,10 +75,7 @@ class MarkerMap:
         return {label for labels in (*self.roles.values(), *self.clusters.values()) for label in labels}
 
     def translate(self, labels: Iterable[str], file: str | Path | None = None) -> dict[str, str]:
-        """The map's spelling of each label: prefix stripped, letter case as in the map where that is unambiguous.
-
-        Refused where two labels become one.
-        """
+        """The map's spelling of each label, letter case too where that is unambiguous; refused where two become one."""
         known = self.spellings()
         folded: dict[str, list[str]] = {}
         for label in known:
@@ -98,10 +94,8 @@ class MarkerMap:
         return {label: name for name, label in owners.items()}
 
     def rename(self, recording: Recording) -> Recording:
-        """`recording` with its labels in the map's spelling, so that a calibration's labels fit every trial."""
+        """`recording` with its labels in the map's spelling."""
         names = self.translate(recording.markers, recording.path)
-        if all(old == new for old, new in names.items()):
-            return recording
         return dataclasses.replace(recording, markers={names[k]: v for k, v in recording.markers.items()})
 
     def find(self, labels: Iterable[str], file: str | Path | None = None) -> FoundMarkers:
@@ -180,8 +174,7 @@ def _block(role: str) -> tuple[str, str]:
 
 
 ALIKE = 0.75  # least similarity (difflib's ratio) of a label to a known spelling for a guess (a choice)
-VIRTUAL = ("HJC", "KJC", "AJC")
-"""Endings of computed points that some files hold beside the markers; they are not guessed for anything."""
+VIRTUAL = ("HJC", "KJC", "AJC")  # endings of computed points beside the markers, not guessed for anything
 WORDS = {role: tuple(words.split()) for role, words in {
     "asis": "asis asi ias iliacanterior", "psis": "psis psi ips iliacposterior",
     "trochanter": "trochanter troc gtr ftc",
@@ -196,8 +189,7 @@ WORDS = {role: tuple(words.split()) for role, words in {
 }.items()}
 """What laboratories write, without the side and without punctuation; the longest that a label starts with counts."""
 SHORT = 3  # after a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder
-WIDE_M = 0.03
-"""The inner and the outer marker of a joint lie farther apart than this (a choice; ankles are 50 mm wide or more)."""
+WIDE_M = 0.03  # the inner and the outer marker of a joint lie farther apart (a choice; ankles are 50 mm wide or more)
 _ACROSS = (("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5"))
 _PLACES = {role: np.array(weights) for role, weights in {
     "asis": (1, 0, 0, 0), "psis": (-1, 0, 0, 0), "trochanter": (0, 1, 0, 0), "knee_lateral": (0, 1, 0, 0),
@@ -238,9 +230,8 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
 def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> str:
     """YAML text of a marker map for these labels, to be looked over; comments list the labels.
 
-    Labels that a shipped map knows are taken from there, others by what they look like, marked as guesses. Among
-    several that look like one role, and between the inner and the outer side of a joint, their places in `recording`
-    decide, without it the file's order. Roles without a label stand in comments, labels without a role at the end.
+    Labels that a shipped map knows are taken from there, others by what they look like, marked as guesses; among
+    several for one role, and the two sides of a joint, their places in `recording` decide, else the file's order.
     """
     labels = list(dict.fromkeys(label.rsplit(":", 1)[-1] for label in labels))
     maps = [(marker_map, marker_map.translate(labels)) for marker_map in map(load_marker_map, SHIPPED)]
@@ -264,9 +255,8 @@ def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> st
             sure = [label for label in labels if known.get(label) == (block, role)]
             maybe = [label for label in labels if guessed.get(label) == (block, role)]
             placed = role in _PLACES and block in legs
-            if placed:
-                sure.sort(key=lambda label: -_score(legs[block], role, label))
-                maybe.sort(key=lambda label: -_score(legs[block], role, label))
+            for several in (sure, maybe) if placed else ():
+                several.sort(key=lambda label: -_score(legs[block], role, label))
             text.append(_line(role, sure, maybe, placed=placed))
     unused = [label for label in labels if label not in known and label not in guessed]
     if unused:
@@ -275,7 +265,6 @@ def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> st
 
 
 def _score(leg: dict[str, np.ndarray], role: str, label: str) -> float:
-    """The larger, the likelier is the label that of the role, of several; least where it is never seen."""
     return float(_PLACES[role] @ [*leg[label], -abs(leg[label][1])]) if label in leg else -np.inf
 
 
@@ -309,7 +298,6 @@ def _legs(recording: Recording | None, roles: Mapping[str, tuple[str, str]]) -> 
 
 def _by_side(guessed: dict[str, tuple[str, str]], known: set[tuple[str, str]], leg: dict[str, np.ndarray],
              inner: tuple[str, str], outer: tuple[str, str]) -> None:
-    """Gives labels that look like either side of a joint to the side on which they lie, where they lie apart."""
     pool = {label: leg[label][1] for label, place in guessed.items() if place in (inner, outer) and label in leg}
     numbered = inner[1] == "met1" and {inner, outer} - set(guessed.values())
     if known & {inner, outer} or numbered or not pool or max(pool.values()) - min(pool.values()) < WIDE_M:
@@ -341,7 +329,6 @@ def _quoted(label: str) -> str:
 
 
 def _guess(label: str) -> tuple[str, str] | None:
-    """Block and role that a label looks like, by its side letter or word and what remains."""
     word = "".join(ch for ch in label.casefold() if ch.isalnum())
     for role in ("sacrum", "head_top"):
         if word in WORDS[role]:

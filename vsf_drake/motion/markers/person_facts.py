@@ -26,10 +26,10 @@ STEADY_FORCE = 0.05  # most relative standard deviation of the vertical force on
 
 @dataclass(frozen=True, kw_only=True)
 class PersonFacts:
-    """A person as stated. None is unknown; sex and prosthetic side are required, for no recording tells them.
+    """A person as stated; sex and prosthetic side are required, for no recording tells them.
 
     Widths are used where a joint has no medial marker. Leg length, ASIS to medial malleolus over the knee, is for hip
-    regressions. Markers have 14 mm and stand on a 2 mm plate by default (a choice).
+    regressions.
     """
 
     mass_kg: float | None = quantity(

@@ -20,19 +20,12 @@ from vsf_drake.sentences import say
 QUIET_S = 1.0  # length of the stretch that is averaged (a choice: longer than a period of postural sway's fast part)
 NOT_NEEDED = ("trochanter", "head_top")  # roles that the anatomical frames do without
 SEEN_PART = 0.2  # a marker counts if it is seen in this part of the stretch at least (a choice)
-STILL_M = 0.010
-"""Most RMS distance of a marker from its mean in the stretch. Quiet standing sways by some millimetres (a choice)."""
+STILL_M = 0.010  # most RMS distance of a marker from its mean there: quiet standing sways by millimetres (a choice)
 STEPPING_M = 0.20  # a recording in which both heels travel farther than this against the pelvis is a walk (a choice)
-LOW_M = 0.04
-"""Heel and forefoot marker stand at most so far above their lowest while the foot is flat: heels and toes dip lower
-when they touch and push off (a choice)."""
-SLOW_M_PER_S, LAG_S = 0.10, 0.02
-"""Both markers rise or sink more slowly than this, over twice the lag, while the foot is flat (a choice)."""
-FLAT_M = 0.005
-"""Frames whose heel and forefoot markers stand this near to their median heights over those slow and low frames are
-the flat ones (a choice)."""
-HIGHEST_FOOT_MARKER_M, LOWEST_FOOT_MARKER_M = 0.15, -0.02
-"""Where heel and toe markers of a foot on the floor z = 0 can be, thick shoes included (a choice)."""
+LOW_M = 0.04  # heel and forefoot marker of a flat foot stand at most so far above their lowest (a choice)
+SLOW_M_PER_S, LAG_S = 0.10, 0.02  # and rise or sink more slowly than this, over twice the lag (a choice)
+FLAT_M = 0.005  # of those frames, such near the median heights are the flat ones (a choice)
+HIGHEST_FOOT_MARKER_M, LOWEST_FOOT_MARKER_M = 0.15, -0.02  # of a foot on the floor, thick shoes too (a choice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +103,6 @@ def find_posture(recording: Recording, labelled: FoundMarkers) -> Posture:
 
 def _quietest(x: np.ndarray, width: int, needed: np.ndarray, labels: list[str], recording: Recording
               ) -> tuple[int, np.ndarray]:
-    """First frame of the stretch in which the markers move least, and how much each does there (RMS, m)."""
     seen = np.isfinite(x).all(axis=2)
     from_mean = np.where(seen[..., None], x - np.nan_to_num(_mean(x)[0]), 0.0)  # small numbers: squares are subtracted
 
@@ -151,7 +143,6 @@ def _steps(recording: Recording, labelled: FoundMarkers) -> float:
 
 
 def _foot_flat(points: dict[str, np.ndarray], labelled: FoundMarkers, side: str, recording: Recording) -> np.ndarray:
-    """Frames in which heel and forefoot are low and neither rises nor sinks; some show pelvis and all of the leg."""
     heights = [points[labelled.roles[f"heel_{side}"]][:, 2],
                np.mean([points[label][:, 2] for label in forefoot_labels(labelled, side)], axis=0)]
     hz = recording.marker_rate_hz or 1.0
@@ -179,18 +170,14 @@ def _foot_flat(points: dict[str, np.ndarray], labelled: FoundMarkers, side: str,
     return flat
 
 
-# How much a prosthesis gives under the person who stands on it while it is measured.
-#
-# Markers show the prosthesis as long as it is under load. The model's length is the unloaded one; between them lie
-# foam, keel and socket. Statics for small deflections, the sole held flat: contact spheres against the rigid heel block
-# and against a keel of sprung joints, pinned at its end A and carried by the fulcrum; the socket in series, along the
-# limb.
+# How much a prosthesis gives under the person who stands on it while it is measured: markers show it as long as it is
+# under load, the model's length is the unloaded one. Statics for small deflections, the sole held flat: contact spheres
+# against the rigid heel block and against a keel of sprung joints, pinned at its end A and carried by the fulcrum; the
+# socket in series, along the limb.
 
 
 STANDING_SHARE = 0.5  # share of the weight on the prosthesis in standing, where it was not measured (a choice: even)
-WALKING_SHARE = 0.85
-"""Vertical force in mid-stance over the weight: Schwartz et al. (2008, doi 10.1016/j.jbiomech.2008.03.015) at
-1.1 m/s; for a walk that stands in for the standing trial."""
+WALKING_SHARE = 0.85  # in mid-stance at 1.1 m/s: Schwartz et al. (2008, doi 10.1016/j.jbiomech.2008.03.015)
 MID_FULCRUM_M = 0.108  # where the fulcrum is taken to have stood, if nobody says: mid-range of 66 to 151 mm (a choice)
 LEAST_LOAD_N, NEAR_M, SAME_WEIGHT = 50.0, 0.2, 0.1
 """A plate carries a foot if it bears so much, its centre of pressure is so near to that ankle and twice as far from the
@@ -214,8 +201,8 @@ def _flat_sole_force(depth: float, foot: FootParameters, fulcrum_m: float) -> fl
     joints = np.concatenate(([0.0], np.cumsum(lengths) - 0.5 * lengths))
     bending = foot.keel.flexural_modulus_pa * section_inertia(foot.keel.width_m, foot.keel.thickness_m)
 
-    # Joints turn by theta and raise the keel at x by sum_j theta_j (x - x_j), j behind x: `at_fulcrum` of the fulcrum's
-    # spring, `lever` of the spheres; those behind the fulcrum's reach are on the rigid heel block.
+    # Joints turn by theta and raise the keel at x by sum_j theta_j (x - x_j), j behind x; behind the fulcrum's reach is
+    # the rigid heel block.
     springs: np.ndarray = np.diag(np.concatenate(([0.0], bending / lengths)))
     at_fulcrum = np.maximum(0.0, fulcrum_m - joints)
     springs += foot.fulcrum.stiffness_n_per_m * np.outer(at_fulcrum, at_fulcrum)
@@ -226,8 +213,8 @@ def _flat_sole_force(depth: float, foot: FootParameters, fulcrum_m: float) -> fl
     for _ in range(50):
         pressed = np.maximum(0.0, depth - rise - lever @ theta)
         force = k * pressed**n
-        slope = np.where(pressed > 0.0, k * n * pressed ** (n - 1.0), 0.0)
-        step = np.linalg.solve(springs + lever.T @ (slope[:, None] * lever), springs @ theta - lever.T @ force)
+        stiffness = np.where(pressed > 0.0, k * n * pressed ** (n - 1.0), 0.0)
+        step = np.linalg.solve(springs + lever.T @ (stiffness[:, None] * lever), springs @ theta - lever.T @ force)
         theta -= step
         if np.abs(step).max() < 1e-12:
             break
@@ -236,10 +223,9 @@ def _flat_sole_force(depth: float, foot: FootParameters, fulcrum_m: float) -> fl
 
 def measured_under(standing: Recording, posture: Posture, ankles_W: Mapping[str, np.ndarray], prosthetic_side: str,
                    mass_kg: float) -> tuple[float, str]:
-    """N on the prosthesis while its length was measured, and where that is from.
+    """N on the prosthesis while its length was measured, and where that is from: plates if each foot stands on its own.
 
-    Standing with each foot on plates of its own, the plates tell the share of the weight; else it is taken as half of
-    the weight, or 0.85 of it in a walk. `ankles_W` is where the feet stand, (3,) m by side.
+    `ankles_W` is where the feet stand, (3,) m by side.
     """
     weight = mass_kg * GRAVITY
     if not posture.still:
@@ -263,19 +249,13 @@ def measured_under(standing: Recording, posture: Posture, ankles_W: Mapping[str,
 
 # Which way a person faces: recordings whose x is not ahead of them, and those whose axes form a left hand.
 #
-# Markers that stay in place, as on a treadmill, do not show by their travel where x lies; the pelvis does.
-#
 # A file whose axes were renamed without a sign (x, z, y for x, y, z) shows a person's mirror image: every left marker
-# lies to the right of its right one. No rotation mends that. The same picture results from exchanging every left label
-# with its right one. Force plates tell the two apart, where a file has their corners: by the C3D rule these go round so
-# that their third axis points into the floor. Without plates a mirrored recording says what was assumed.
+# lies to the right of its right one. So it does where every left label is exchanged with its right one. Force plates
+# tell the two apart, where a file has their corners: by the C3D rule their third axis points into the floor.
 
 
-FEWEST_PAIRS = 4
-"""So many pairs of markers, at least, must all lie exchanged before axes are doubted rather than labels (a choice)."""
-ASIDE_RAD = np.radians(60.0)
-"""A pelvis that faces farther from x than this shows that x is not forward: the nearest axis is within 45 degrees, and
-a walk that goes obliquely through the laboratory is left as it is (a choice)."""
+FEWEST_PAIRS = 4  # of markers that must all lie exchanged before axes are doubted rather than labels (a choice)
+ASIDE_RAD = np.radians(60.0)  # a pelvis that faces farther from x shows that x is not forward (a choice)
 SAME_WAY = 0.5  # length of the mean of the unit vectors that a person faces, below which they turn round (a choice)
 NOTE = ("Every left marker lies to the right of its right one: the file's axes were taken for a left hand's and the "
         "recording mirrored sideways. If instead the labels left and right are exchanged, the sides are wrong.")
@@ -306,8 +286,7 @@ def prepared(recording: Recording, marker_map: MarkerMap) -> Recording:
 def right_handed(recording: Recording, marker_map: MarkerMap) -> Recording:
     """`recording`, mirrored sideways (y) with a note if every left marker is to the right of its right one.
 
-    Markers, forces, centres of pressure and plate corners change sides. Free moments keep their sign: where axes are
-    merely renamed, the vertical moment is carried over as it was.
+    Free moments keep their sign: where axes are merely renamed, the vertical moment is carried over as it was.
     """
     if not _is_mirrored(recording, marker_map):
         return recording
@@ -359,7 +338,6 @@ def typical(vector: np.ndarray, along: np.ndarray) -> float:
 
 
 def _points(recording: Recording, marker_map: MarkerMap) -> dict[str, np.ndarray]:
-    """(n, 3) m by role, of the roles that the recording has a marker for; and the middles "asis" and "psis"."""
     labels = {role: next((s for s in spellings if s in recording.markers), None)
              for role, spellings in marker_map.roles.items()}
     points = {role: recording.markers[label] for role, label in labels.items() if label is not None}
