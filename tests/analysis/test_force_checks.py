@@ -12,8 +12,6 @@ from vsf_drake.analysis.recording.force_checks import (
     covered,
     depth,
     drift,
-    event_lag,
-    foot_checks,
     heights,
     lag,
     mass,
@@ -89,12 +87,6 @@ def test_foot_that_turns_with_its_shank_is_known_where_the_record_starts_in_stan
     assert turns_in_stance(turning, [cut], usual_s=STANCE.duration_s)
     assert not turns_in_stance(still, [cut], usual_s=STANCE.duration_s)
     assert not turns_in_stance(turning, [cut]), "how long it lasts is not known"
-
-
-def test_standing_foot_is_good_in_everything_and_an_intact_one_doubtful_at_worst():
-    assert {check.mark for check in foot_checks(made_foot(), [STANCE])} == {"good"}
-    intact = made_foot(slide_m_per_s=0.5, prosthetic=False, pitch_deg=20.0)
-    assert slip(intact, flat(intact)).mark == sole_angle(intact, flat(intact)).mark == "doubtful"
 
 
 @pytest.mark.parametrize(("speed", "mark"), [(0.04, "good"), (0.06, "doubtful"), (0.16, "doubtful"),
@@ -244,14 +236,6 @@ def test_lag_of_fifty_milliseconds_is_found_within_five(late):
     assert check.value == pytest.approx(late, abs=0.005)
     assert check.mark == ("good" if late < 0.01 and late >= 0.0 else "unusable")
     assert check.cost_bw == (0.0 if check.mark == "good" else pytest.approx(2.5 * 0.05, rel=0.1))
-
-
-def test_lag_is_also_read_from_touch_downs():
-    late = {"right": [Stance(0.25, 0.87), Stance(1.35, 1.97)], "left": [Stance(0.80, 1.42)]}
-    moving = {side: [Stance(s.start_s - 0.05, s.end_s - 0.05) for s in stances] for side, stances in late.items()}
-    check = event_lag(late, moving)
-    assert check.value == pytest.approx(0.05, abs=1e-9) and check.mark == "doubtful"
-    assert event_lag(late, {"right": [], "left": []}) is None
 
 
 @pytest.mark.parametrize(("beside", "mark"), [(0.02, "good"), (0.09, "doubtful"), (0.4, "unusable")])

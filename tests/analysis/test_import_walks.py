@@ -15,12 +15,10 @@ from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.formats.recording import os_to_world
 from vsf_drake.motion.markers.person_facts import PersonFacts
-from vsf_drake.motion.trial import load_trial, model_ankle
+from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.gait import make_gait
 
-PELVIS = ("pelvis_tx", "pelvis_ty", "pelvis_tz")
 PERSON = PersonFacts(sex="male", prosthetic_side="right", mass_kg=MASS, stature_m=1.81)
 
 
@@ -91,22 +89,6 @@ def test_a_mass_that_the_standing_file_states_is_taken_and_held_against_the_plat
     assert marks["mass from the forces"] == mark and not {"body mass", "stature"} & {*marks}
 
 
-def test_inverse_kinematics_leaves_the_prosthetic_foot_where_its_markers_show_it(tmp_path):
-    laboratory = Laboratory(tmp_path)
-    files = gather(laboratory.standing(), [laboratory.walk("one.trc")])
-    plain, fitted = (import_walks(files, ImportOptions(person=PERSON, inverse_kinematics=ik)).items[0].trial
-                     for ik in (False, True))
-    assert any("global inverse kinematics" in note for note in fitted.notes)
-    ankles = []
-    for trial in (plain, fitted):
-        columns = [trial.tracked.names.index(name) for name in PELVIS]
-        pelvis = trial.trajectory.ordered(PELVIS).values
-        moved = os_to_world(pelvis - trial.tracked.values[:, columns])
-        ankles.append(model_ankle(trial.tracked, trial.calibration, trial.subject) + moved)
-    np.testing.assert_allclose(ankles[1], ankles[0], atol=1e-9)
-    assert fitted.tracked.residual_rms_m == plain.tracked.residual_rms_m
-
-
 def test_model_feet_are_those_that_the_simulation_walks_on():
     trial = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
     item = examine(trial)
@@ -133,13 +115,3 @@ def test_offsets_of_the_manifest_move_the_prosthesis_that_is_judged():
     # along the shank, which leans back by some 20 degrees at touch-down
     assert there.value - here.value == pytest.approx(30.0 * np.cos(np.radians(20.0)), abs=2.0)
     assert there.mark == "doubtful"
-
-
-def test_each_walk_may_have_its_own_fulcrum_and_the_person_stays_one(tmp_path):
-    laboratory = Laboratory(tmp_path)
-    files = gather(laboratory.standing(), [laboratory.walk("one.trc"), laboratory.walk("two.trc")])
-    items = import_walks(files, ImportOptions(person=PERSON, fulcrum_mm=(66.0, 151.0))).items
-    assert [item.trial.fulcrum_m for item in items] == pytest.approx([0.066, 0.151])
-    assert items[0].trial.subject == items[1].trial.subject
-    with pytest.raises(InputError, match="3 positions are given for 2 walks"):
-        import_walks(files, ImportOptions(person=PERSON, fulcrum_mm=(66.0, 108.0, 151.0)))

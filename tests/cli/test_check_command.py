@@ -7,16 +7,6 @@ from command_line import read_json
 from vsf_drake.files import resource
 
 
-def test_check_judges_manifests_without_simulating(run, laboratory, tmp_path, trial_files):
-    out = tmp_path / "checked"
-    code, shown, _ = run("check", trial_files.write(), "--out", out)
-    assert code == 0
-    assert {path.name for path in out.glob("[!.]*")} == {"check.json", "check.html"}
-    table = read_json(out / "check.json")
-    assert table["trials"][0]["checks"]
-    assert "trial" in shown
-
-
 def test_check_of_a_synthetic_trial_calls_it_synthetic(run, tmp_path):
     out = tmp_path / "checked"
     code, shown, _ = run("check", resource("data/reference_subject/exact/medium_1.yaml"), "--out", out)

@@ -6,7 +6,6 @@ import re
 
 import numpy as np
 import pytest
-import yaml
 from command_line import exit_code, read_json
 from made_laboratory import MADE, STATED, Laboratory, leftovers
 from made_person import Person
@@ -115,17 +114,6 @@ def test_import_again_replaces_its_own_files_and_one_bad_walk_does_not_spoil_the
     code, _, err = run("import", standing, walk, "--out", full, *STATED)
     assert code == 2 and "holds other things" in err
     assert [path.name for path in full.iterdir()] == ["thesis.tex"]
-
-
-def test_person_may_come_from_a_file(run, laboratory, tmp_path):
-    person = tmp_path / "person.yaml"
-    person.write_text(yaml.safe_dump({"sex": "male", "prosthetic_side": "right", "mass_kg": 78, "stature_m": 1.81,
-                                      "thigh_length_m": 0.431}), encoding="utf-8")
-    words = ("import", laboratory.standing(), laboratory.walk(), "--out", tmp_path / "out", "--subject", person)
-    assert run(*words)[0] == 0
-    assert read_json(tmp_path / "out" / "import.json")["subject"]["thigh_length_m"] == 0.431
-    code, _, err = run(*words, "--mass-kg", "80")
-    assert code == 2 and "--mass-kg" in err
 
 
 def test_prosthesis_of_the_persons_size_goes_into_a_model_of_its_own(run, laboratory, tmp_path):

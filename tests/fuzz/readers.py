@@ -63,8 +63,6 @@ from vsf_drake.simulation.batch.run import Kind, Reply, WalkCache
 from vsf_drake.simulation.results import load_bench, load_walk, save_bench, save_walk
 
 MOST_S, MOST_BYTES = 10.0, 300_000_000
-DRAWING_S = 60.0
-"""For whole pages with their figures, which take 5 to 10 s undamaged."""
 FRAMES, SAMPLES = 20, 40
 KEY = "ab" * 32
 """Of what is kept under a key."""
@@ -84,7 +82,6 @@ class Reader:
     check: Callable[[Any], None]  # of what a call returns
     signed: str = ""  # the file beside an NPZ with its SHA-256, made good so that the reader looks further
     slow: int = 1  # how many times fewer mutations it gets in a long run
-    most_s: float = MOST_S  # of processor time a call may take
 
 
 def sound(value: Any) -> None:
@@ -158,15 +155,10 @@ READERS = (
             in_folder(lambda out: Checkpoint(out / "checkpoint.json", resume=True))), anything, signed="fit.json"),
     Reader("tuning", ("tuning.json", "tuning.npz"),
            (in_folder(TUNING.read), in_folder(TUNING.check), read_warm_start), anything, signed="tuning.json"),
-    Reader("tuning_page", ("tuning.json", "tuning.npz"), (in_folder(TUNING.remake),), anything, "tuning.json",
-           slow=150, most_s=DRAWING_S),
     Reader("schedule", ("policy.json",), (load_schedule, in_folder(SCHEDULE.read), in_folder(SCHEDULE.check)),
            sound),
-    Reader("schedule_page", ("policy.json",), (in_folder(SCHEDULE.remake),), anything, slow=100, most_s=DRAWING_S),
     Reader("validation", ("validation.json", "validation.npz"),
            (in_folder(VALIDATION.read), in_folder(VALIDATION.check)), anything, signed="validation.json"),
-    Reader("validation_page", ("validation.json", "validation.npz"), (in_folder(VALIDATION.remake),), anything,
-           signed="validation.json", slow=150, most_s=DRAWING_S),
     Reader("section", ("standing.json", "standing.npz"),
            (in_folder(lambda at: SectionStore(at, KEY).read("standing", StoodTable)),), anything,
            signed="standing.json"),
@@ -212,7 +204,7 @@ class Workbench:
                 signed.write_bytes(re.sub(rb"(arrays_sha256\W+)[0-9a-f]{64}", rb"\g<1>" + sha256(path).encode(),
                                           self._whole[signed]))
             for call in reader.calls:
-                with limited(reader.most_s):
+                with limited():
                     reader.check(call(path))
         except InputError as error:
             said = str(error)
@@ -229,17 +221,17 @@ class Workbench:
 
 
 @contextlib.contextmanager
-def limited(most_s: float = MOST_S) -> Iterator[None]:
+def limited() -> Iterator[None]:
     """Ends what is inside after so much processor time, and (on Linux) refuses it 300 MB beyond what there is."""
     def late(*_: object) -> None:
-        raise TooLong(f"not back after {most_s:g} s")
+        raise TooLong(f"not back after {MOST_S:g} s")
 
     had, own = getrlimit(RLIMIT_AS), Path("/proc/self/statm")
     if own.exists():
         now = int(own.read_text(encoding="ascii").split()[0]) * getpagesize()
         setrlimit(RLIMIT_AS, (now + MOST_BYTES, had[1]))
     before = signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, most_s)
+    signal.setitimer(signal.ITIMER_PROF, MOST_S)
     try:
         yield
     finally:
@@ -331,8 +323,6 @@ def _write_results(folder: Path, validation: Path | None) -> None:
             "notes": [], "failed": [["a", "b"]], "summary": [], "trials": [], "contact": "none",
             "options": {"quick": True, "seed": 0, "step_s": 2e-3},
             "provenance": {"versions": {}, "inputs_sha256": {}}, "sections": {}}, {"walking__x": np.ones(3)})
-    for name in ("tuning", "schedule", "validation"):
-        shutil.copytree(folder / name, folder / f"{name}_page")
     stood = StoodTable(rows=(), worst_mass_error=None, paper_mass_error=0.026, duration_s=10.0, all_stand=None)
     SectionStore(folder / "section", KEY).write("standing", Section(table=stood, arrays={"x": np.ones(3)}), 1.0)
     (folder / "sweep").mkdir()

@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from kills import CODES, commands, content, differences, interrupted, started
+from kills import CODES, commands, interrupted, started
 
 
 @pytest.mark.slow
@@ -19,13 +19,3 @@ def test_a_command_that_a_signal_ended_leaves_no_trace_in_the_next_run(tmp_path,
         (tmp_path / signal).mkdir()
         assert not interrupted(command, signal, 0.25 * (i + 1) * usual_s, tmp_path / signal / "out", whole,
                                always=False)
-
-
-def test_results_that_differ_in_more_than_times_are_told_apart(tmp_path):
-    for name, wall_s, cost in (("a", 1, 2.0), ("b", 3, 2.0), ("c", 1, 2.5)):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "fit.json").write_text(f'{{"wall_s": {wall_s}, "rows": [{{"cost": {cost}}}]}}')
-    a, b, c = (content(tmp_path / name) for name in "abc")
-    assert list(differences(a, b)) == []
-    assert list(differences(a, c)) == ["/fit.json/rows[0]/cost: 2.0 became 2.5"]
-    assert list(differences(a, {})) == ["/fit.json is gone"]

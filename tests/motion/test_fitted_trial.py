@@ -14,7 +14,7 @@ from vsf_drake.contact_file import FittedSubject, load_contact, model_with, save
 from vsf_drake.errors import InputError
 from vsf_drake.files import sha256
 from vsf_drake.motion.events import Stance
-from vsf_drake.motion.fitted_trial import STANCE_SHARE, fingerprint, gait_phase, trial_with
+from vsf_drake.motion.fitted_trial import fingerprint, gait_phase, trial_with
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial import load_trial
@@ -139,12 +139,6 @@ def test_phase_counts_strikes_and_reaches_the_stance_share_at_lift_off():
     np.testing.assert_allclose(gait_phase(STANCES)(events(STANCES)), [0.0, 0.62, 1.0, 1.62, 2.0, 2.62], atol=1e-12)
 
 
-def test_a_single_stance_makes_a_straight_line():
-    times = np.linspace(-1.0, 3.0, 401)
-    expected = STANCE_SHARE * (times - 0.3) / 0.7
-    np.testing.assert_allclose(gait_phase(STANCES[:1])(times), expected, atol=1e-12)
-
-
 @pytest.mark.parametrize("at", [events(STANCES), np.array([0.7, 1.2, 2.9])])
 def test_phase_is_twice_continuously_differentiable(at):
     value, rate, acceleration = derivatives_jump(gait_phase(STANCES), at)
@@ -177,12 +171,6 @@ def test_periodic_splines_share_one_and_repeat_every_cycle(count):
     np.testing.assert_allclose(basis.sum(axis=1), 1.0, atol=1e-13)
     np.testing.assert_allclose(periodic_bsplines(count)(phase + 3.0), basis, atol=1e-12)
     assert np.linalg.matrix_rank(basis) == count
-
-
-def test_the_jth_spline_is_centred_on_the_jth_knot():
-    basis = periodic_bsplines(SPLINES)(np.arange(SPLINES) / SPLINES)
-    np.testing.assert_allclose(np.diag(basis), 2.0 / 3.0, atol=1e-12)
-    np.testing.assert_allclose(basis[0], [2 / 3, 1 / 6, 0, 0, 0, 0, 0, 1 / 6], atol=1e-12)
 
 
 def test_periodic_splines_are_twice_continuously_differentiable_also_where_a_cycle_ends():

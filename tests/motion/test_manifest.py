@@ -10,7 +10,7 @@ import yaml
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
-from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Laboratory, Window, load_manifest, to_si
+from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Window, load_manifest, to_si
 from vsf_drake.motion.trial import load_subject
 from vsf_drake.parameters import Subject
 
@@ -25,17 +25,6 @@ offsets: {height_mm: 2, fore_aft_mm: -5, alignment_deg: 90e-1}
 model: foot.yaml
 name: subject 3
 synthetic: true
-"""
-MARKERS = """
-subject: subject.yaml
-markers: walk.c3d
-standing: static.c3d
-marker_map: plug_in_gait
-hip_centre: hara
-marker_cutoff_hz: 8
-already_filtered: true
-laboratory: {up: z, forward: -y, length_unit: mm}
-prosthesis: {fulcrum_mm: 66}
 """
 LEAST = "subject: s.yaml\nkinematics: k.mot\nforces: f.mot\nprosthesis: {fulcrum_mm: 66}\n"
 
@@ -75,13 +64,6 @@ def test_wrong_key_or_value_is_named(load, tmp_path, old, new, wanted):
     with pytest.raises(InputError) as caught:
         load(LEAST.replace(old, new))
     assert wanted in str(caught.value) and str(tmp_path / "trial.yaml") in str(caught.value)
-
-
-def test_one_of_everything_with_markers(load):
-    manifest = load(MARKERS)
-    assert (manifest.markers, manifest.standing, manifest.marker_map) == ("walk.c3d", "static.c3d", "plug_in_gait")
-    assert manifest.laboratory == Laboratory(up="z", forward="-y", length_unit="mm")
-    assert (manifest.hip_centre, manifest.marker_cutoff_hz, manifest.already_filtered) == ("hara", 8.0, True)
 
 
 @pytest.mark.parametrize(("kind", "file"), [

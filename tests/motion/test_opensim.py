@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.formats.recording import os_to_world, world_to_os
+from vsf_drake.motion.formats.recording import os_to_world
 from vsf_drake.motion.formats.tables import read_storage, write_storage
 from vsf_drake.motion.opensim import assign_prefixes, find_prefixes, read_kinematics, read_plate
 from vsf_drake.parameters import person_coordinates
@@ -155,15 +155,6 @@ def plate_of(tmp_path, prefix="ground_force_r", **loads):
     return read_plate(storage_of(tmp_path, columns(**loads)), prefix, mass_kg=MASS)
 
 
-def test_axes_of_the_two_frames():
-    """Forward stays forward, OpenSim's up is W's up, OpenSim's right is W's minus left."""
-    np.testing.assert_array_equal(os_to_world([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), [[1, 0, 0], [0, 0, 1], [0, -1, 0]])
-    vectors = np.random.default_rng(0).normal(size=(4, 3))
-    np.testing.assert_array_equal(world_to_os(os_to_world(vectors)), vectors)
-    np.testing.assert_allclose(np.cross(os_to_world(vectors[0]), os_to_world(vectors[1])),
-                               os_to_world(np.cross(vectors[0], vectors[1])))
-
-
 def test_constructed_force_in_the_world_frame(tmp_path):
     plate, notes = plate_of(tmp_path)
     np.testing.assert_allclose(plate.force_W, np.tile([40.0, -10.0, 800.0], (10, 1)))
@@ -183,36 +174,6 @@ def test_load_is_the_same_wherever_its_moment_is_taken(tmp_path):
     assert plate.cop_W[0, 2] == 0.0
 
 
-def test_centre_of_pressure_counts_only_where_the_plate_is_loaded(tmp_path):
-    force = np.array([0, 10, 20, 30, 500, 800, 500, 30, 0, 0.0])
-    place = np.where(force > 20, 0.5, 400.0)
-    place[0] = np.nan
-    plate, _ = plate_of(tmp_path, force=(0.1 * force, force, 0.0), point=(place, 0, 0))
-    np.testing.assert_array_equal(np.isnan(plate.cop_W).all(axis=1), force <= 20.0)
-    np.testing.assert_array_equal(plate.free_moment_nm == 0.0, force <= 20.0)
-    place[4] = np.nan
-    assert "time 0.04 s, column ground_force_r_px: 'nan'" in message(
-        lambda: plate_of(tmp_path, force=(0, force, 0), point=(place, 0, 0)))
-
-
-def test_force_without_position_or_torque(tmp_path):
-    only = {n: v for n, v in columns().items() if n[-3:-1] == "_v"}
-    plate, notes = read_plate(storage_of(tmp_path, only), "ground_force_r", mass_kg=MASS)
-    assert not plate.has_cop and np.isnan(plate.cop_W).all() and not plate.free_moment_nm.any()
-    assert len(notes) == 2
-
-
-@pytest.mark.parametrize(("prefix", "torque"), [
-    ("ground_force_r", "ground_torque_r"), ("1_ground_force", "1_ground_torque"),
-    ("ground_force_1", "ground_moment_1_m")])
-def test_spellings_of_torque(tmp_path, prefix, torque):
-    named = columns(prefix, torque)
-    if torque.endswith("_m"):
-        named = {n.replace("_m_", "_m"): v for n, v in named.items()}
-    plate, _ = read_plate(storage_of(tmp_path, named), prefix, mass_kg=MASS)
-    np.testing.assert_allclose(plate.free_moment_nm, 3.0)
-
-
 @pytest.mark.parametrize(("force", "wanted"), [
     ((0, -800, 0), "column ground_force_r_vy: the vertical force is negative (-800 N)"),
     ((30, 40, 800), "column ground_force_r_vz: the largest part of the force is along z, not upward along y"),
@@ -226,12 +187,6 @@ def test_force_that_no_foot_feels_is_refused(tmp_path, force, wanted):
 
 def both(tmp_path, right, left):
     return storage_of(tmp_path, columns(right, f"{right}_t") | columns(left, f"{left}_t"))
-
-
-@pytest.mark.parametrize(("right", "left"), [("ground_force_r", "ground_force_l"), ("R_grf", "L_grf"),
-                                             ("force_right", "force_left")])
-def test_names_that_tell_the_side(tmp_path, right, left):
-    assert assign_prefixes(both(tmp_path, right, left), None) == {"right": right, "left": left}
 
 
 def test_names_that_do_not_tell_the_side_list_what_to_write(tmp_path):

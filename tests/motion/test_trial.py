@@ -54,15 +54,6 @@ def test_constructed_walk(trial_files):
     assert not any("treadmill" in n for n in trial.notes)
 
 
-def test_model_name_offsets_and_synthetic_come_from_the_manifest(trial_files):
-    (trial_files.folder / "foot.yaml").write_text("foot: {mass_kg: 0.7}\n")
-    trial_files.manifest |= {"model": "foot.yaml", "name": "W 7", "synthetic": True, "offsets": {"height_mm": 3}}
-    trial = load_trial(trial_files.write())
-    assert (trial.model.foot.mass_kg, trial.name, trial.synthetic) == (0.7, "W 7", True)
-    assert trial.offsets.height_m == pytest.approx(0.003)
-    assert "foot.yaml" in trial.inputs
-
-
 def test_only_the_prosthetic_foot_needs_a_plate(trial_files):
     trial_files.forces = {n: v for n, v in trial_files.forces.items() if "_r_" in n}
     trial = load_trial(trial_files.write())
@@ -141,15 +132,6 @@ def test_mass_that_the_plates_contradict_is_refused(trial_files, mass_kg, words)
     assert words in text
 
 
-@pytest.mark.parametrize("side", "rl")
-def test_mass_that_one_plate_cannot_tell_is_not_refused(trial_files, side):
-    """A foot that is seen alone may share the weight with anything."""
-    on_two_plates(trial_files)
-    trial_files.forces[f"ground_force_{side}_vy"][trial_files.force_time < 0.6] = 0.0
-    trial_files.subject["mass_kg"] = 2.0 * HEAVY
-    load_trial(trial_files.write())
-
-
 # Markers and plates of a made person become the trial that was made, and can be written as OpenSim files.
 
 
@@ -206,17 +188,6 @@ def test_mass_that_is_not_stated_comes_from_a_stride_and_makes_the_person_that_s
         make(person=unknown, walked=walk(missed=[("left", 0), ("right", 1), ("left", 1), ("right", 2)]))
 
 
-def test_mass_and_stature_are_those_that_a_file_states_unless_the_user_does():
-    """The walk's forces would tell 80 kg; the file says 76, and the check of the plates is to find that out."""
-    walked = dataclasses.replace(walk(), person={"mass_kg": 76.0, "stature_m": 1.75})
-    trial = make(person=dataclasses.replace(PERSON, mass_kg=None, stature_m=None), walked=walked)
-    assert (trial.subject.mass_kg, trial.subject.stature_m) == (76.0, 1.75)
-    assert any("body mass of 76 kg is what" in note and "states (PROCESSING)" in note for note in trial.notes)
-    stated = make(walked=walked)
-    assert (stated.subject.mass_kg, stated.subject.stature_m) == (MASS, 1.8)
-    assert any(f"states a body mass of 76 kg, where {MASS:g} kg is stated" in note for note in stated.notes)
-
-
 def test_steps_beside_the_plates_are_left_out_of_the_window():
     missed = walk(missed=[("right", 2)])
     trial = make(walked=missed)
@@ -231,12 +202,6 @@ def test_steps_beside_the_plates_are_left_out_of_the_window():
     assert (intact.start_s, intact.end_s) == (0.0, pytest.approx(2.99)) and intact.unmeasured["left"]
     with pytest.raises(InputError, match=r"forces: no plate carries the right \(prosthetic\) foot alone"):
         make(walked=walk(missed=[("right", i) for i in range(3)]))
-
-
-def test_stated_plates_win_over_the_centre_of_pressure():
-    trial = make(plate_sides={"right": "plate_l", "left": "plate_r"})
-    assert {c.plate: c.side for c in trial.contacts} == {"plate_l": "right", "plate_r": "left"}
-    assert any("it is stated as the right foot's" in note for note in trial.notes)
 
 
 def test_force_in_another_unit_is_refused():
@@ -280,15 +245,6 @@ def write_manifest(folder, **changed):
     path = folder / "trial.yaml"
     path.write_text(yaml.safe_dump({k: v for k, v in (keys | changed).items() if v is not None}))
     return path
-
-
-def test_manifest_with_markers_is_the_same_trial(tmp_path):
-    trial, wanted = load_trial(write_manifest(tmp_path)), make()
-    assert trial.name == "trial" and trial.fulcrum_m == pytest.approx(0.108)
-    assert set(trial.inputs) == {"trial.yaml", "subject.yaml", "walk.trc", "static.trc", "walk.mot"}
-    assert np.allclose(trial.trajectory.values, wanted.trajectory.values, atol=1e-6)
-    assert np.allclose(trial.prosthetic_plate.force_W, wanted.prosthetic_plate.force_W, atol=1e-6)
-    assert not any("No marker map was stated" in note for note in trial.notes)
 
 
 def test_manifest_states_lengths_plates_map_and_filter(tmp_path):

@@ -71,14 +71,3 @@ def test_synthetic_trials_are_called_so_in_title_text_and_every_figure(item, pag
         figure = make(item)
         labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
         assert any("SYNTHETIC" in label for label in labels)
-
-
-def test_axes_name_their_units(item):
-    for make in (angle_figure, force_figure, floor_figure):
-        for axes in make(item).axes:
-            assert "(" in axes.get_xlabel()
-            assert "(" in axes.get_ylabel()
-
-
-def test_same_trial_gives_the_same_page(item):
-    assert import_page([item], title="again") == import_page([item], title="again")

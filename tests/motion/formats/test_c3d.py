@@ -175,14 +175,6 @@ def test_load_comes_back_from_each_type_of_plate(tmp_path, kind, turn_deg, origi
     check(read_trial(written(tmp_path, plate)), [plate])
 
 
-def test_walking_along_minus_y_is_walking_forward(tmp_path):
-    """Forward is -y of the laboratory, so left is its +x."""
-    plates = (load((0.1, -0.4)), load((0.1, -1.2), kind=1))
-    read = read_trial(written(tmp_path, *plates, way=(0, -1.2, 0)))
-    check(read, plates, np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]))
-    assert read.markers["M0"][-1, 0] > read.markers["M0"][0, 0] + 1.0
-
-
 @pytest.mark.parametrize(("of_plate", "of_file", "words"), [
     ({"on_plate": True}, {}, "points down"), ({}, {"moment_unit": "Nm"}, "far off the plate")])
 def test_forces_on_the_plate_and_moments_in_another_unit_than_stated_are_put_right(tmp_path, of_plate, of_file, words):
@@ -210,12 +202,6 @@ def test_stairs_and_ramps_are_refused(tmp_path):
     plate.corners = (plate.corners - middle) @ turn.T + middle
     ramp = written(tmp_path, plate)
     assert "plate 1 is tilted by 7.0 degrees" in message(lambda: read_trial(ramp))
-
-
-def test_plates_that_overlap_are_noted(tmp_path):
-    apart = read_trial(written(tmp_path, load((0.4, 0)), load((0.81, 0)))).notes
-    over = read_trial(written(tmp_path, load((0.4, 0)), load((0.6, 0)))).notes
-    assert not any("overlap" in note for note in apart) and any("Plates 1 and 2 overlap" in note for note in over)
 
 
 def test_a_plate_of_an_unknown_type_or_without_its_channels_is_left_out_and_said(tmp_path):

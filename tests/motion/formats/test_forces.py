@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from virtual_laboratory.trc import write_trc
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
@@ -44,11 +43,6 @@ def mot(path, names, *blocks):
 
 def opensim_names(prefix="ground_force_r", torque="ground_torque_r_"):
     return [f"{prefix}_{k}{a}" for k in "vp" for a in "xyz"] + [f"{torque}{a}" for a in "xyz"]
-
-
-@pytest.mark.parametrize("suffix", [".mot", ".sto", ".MOT"])
-def test_opensim_external_loads(tmp_path, suffix):
-    check(read_trial(mot(tmp_path / f"grf{suffix}", opensim_names(), FORCE, COP, TWIST[:, None] * UP)))
 
 
 def test_moment_may_be_taken_anywhere(tmp_path):
@@ -110,17 +104,6 @@ def test_decimal_commas_are_read_between_semicolons_and_refused_between_commas(t
     assert "decimal point, not a comma" in message(lambda: read_trial(path))
 
 
-def test_commas_at_thousands_are_refused(tmp_path):
-    """1,234 beside 12.5 is not 1.234, whichever of the two comes first."""
-    path = csv(tmp_path / "grf.csv", opensim_names(), [FORCE, COP, TWIST[:, None] * UP], ";")
-    lines = path.read_text().splitlines()
-    for row in (1, len(lines) - 1):
-        cells = lines[row].split(";")
-        thousands = ";".join(["0" if row == 1 else cells[0].replace(".", ","), "1,234", *["0"] * (len(cells) - 2)])
-        path.write_text("\n".join([*lines[:row], thousands, *lines[row + 1:]]))
-        assert "commas and points" in message(lambda: read_trial(path))
-
-
 @pytest.mark.parametrize(("prefix", "suffix", "other"), [("FP1_", "", "FP2_"), ("Plate 1.", "", "Plate 2."),
                                                        ("", "_R", "_L"), ("", "_1", "_2")])
 def test_csv_with_plates_by_name(tmp_path, prefix, suffix, other):
@@ -142,17 +125,6 @@ def test_millimetres_said_to_be_metres_are_refused_with_the_remedy(tmp_path):
     path = mot(tmp_path / "grf.mot", opensim_names(), FORCE, 1e3 * COP, 1e3 * TWIST[:, None] * UP)
     assert "plate ground_force_r: a centre of pressure" in message(lambda: read_trial(path))
     check(read_trial(path, length_unit="mm"))
-
-
-def test_length_unit_of_the_forces_leaves_markers_as_their_file_states(tmp_path):
-    """Markers in metres, forces in millimetres: one statement serves both, and the markers say what was done."""
-    path = mot(tmp_path / "grf.mot", opensim_names(), FORCE, 1e3 * COP, 1e3 * TWIST[:, None] * UP)
-    places = {label: np.full((COUNT, 3), place) for label, place in (("A", 0.1), ("B", 0.5), ("C", 0.9))}
-    write_trc(tmp_path / "walk.trc", places, rate_hz=100.0)
-    read = read_trial(tmp_path / "walk.trc", forces=path, length_unit="mm")
-    np.testing.assert_allclose(read.markers["C"], 0.9, atol=1e-12)
-    np.testing.assert_allclose(read.plates[0].cop_m, in_world(COP), atol=1e-9)
-    assert any("in the unit that it states" in note for note in read.notes)
 
 
 def test_force_along_another_axis_than_up_is_refused(tmp_path):

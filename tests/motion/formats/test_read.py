@@ -1,9 +1,6 @@
-"""Any laboratory's axes come into the world frame; what is written reads back; long files need little memory."""
+"""Any laboratory's axes come into the world frame; what is written reads back."""
 
 from __future__ import annotations
-
-import tracemalloc
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,18 +58,6 @@ def test_forward_is_as_stated_or_the_laboratorys_axis_nearest_to_the_way(tmp_pat
     np.testing.assert_array_equal(oblique.rotation_W, rotation_of("-x", "+z"))
 
 
-def test_of_who_does_not_travel_forward_is_the_laboratorys_x(tmp_path):
-    """Also if one marker is seen only at the start and another far ahead only at the end."""
-    markers = walk((0.0, 0.0, 0.0))
-    markers["M5"][5:] = np.nan
-    markers["M6"] += [3.0, 0.0, 0.0]
-    markers["M6"][:-5] = np.nan
-    for still in (walk((0.0, -0.3, 0.0)), markers):
-        read = read_trial(write_c3d(tmp_path / "a.c3d", still))
-        np.testing.assert_array_equal(read.rotation_W, np.eye(3))
-        assert any("do not travel" in note for note in read.notes)
-
-
 def test_up_is_the_screens_or_across_the_plates_or_asked_for(tmp_path):
     path = write_c3d(tmp_path / "a.c3d", walk(), screen=None)
     assert "Give laboratory.up (--up): x, y or z" in message(lambda: read_trial(path))
@@ -124,58 +109,3 @@ def test_what_is_written_reads_back_bit_for_bit(tmp_path):
             np.testing.assert_array_equal(back.force_n, made.force_n)
             np.testing.assert_array_equal(back.cop_m, made.cop_m)
             np.testing.assert_array_equal(back.free_moment_nm, made.free_moment_nm)
-
-
-# A long recording needs little more memory than what is read from it.
-
-
-MOST = 4.0
-"""Times the file's size; 32-bit numbers become 64-bit ones, which is twice."""
-LONG = 5000
-
-
-def paths(count: int, labels: str = "M{}") -> dict[str, np.ndarray]:
-    rng = np.random.default_rng(0)
-    middle = rng.uniform([-0.3, -0.3, 0.0], [0.3, 0.3, 1.8], (count, 3))
-    travelled = np.linspace(0.0, 3.0, LONG)[:, None] * [1.0, 0.0, 0.0]
-    return {labels.format(k): p + travelled for k, p in enumerate(middle)}
-
-
-def times_its_size(path: Path) -> float:
-    tracemalloc.start()
-    try:
-        read_trial(path)
-        return tracemalloc.get_traced_memory()[1] / path.stat().st_size
-    finally:
-        tracemalloc.stop()
-
-
-def test_c3d_of_many_markers_some_without_a_name(tmp_path):
-    path = write_c3d(tmp_path / "markers.c3d", paths(200) | paths(50, "*{}"))
-    assert path.stat().st_size > 19e6
-    assert times_its_size(path) < MOST
-
-
-def test_c3d_of_many_force_samples(tmp_path):
-    subframes = 40
-    samples = LONG * subframes
-    force, cop = np.tile([10.0, 5.0, 700.0], (samples, 1)), np.tile([0.05, 0.02, 0.0], (samples, 1))
-    plates = tuple(MadePlate(kind, force, cop + np.array([x, 0.0, 0.0]), np.ones(samples), rectangle((x, 0.0)))
-                   for kind, x in ((2, 0.0), (1, 0.5), (2, 1.0), (4, 1.5)))
-    path = write_c3d(tmp_path / "plates.c3d", paths(5), plates=plates, subframes=subframes)
-    assert path.stat().st_size > 19e6
-    assert times_its_size(path) < MOST
-
-
-def test_trc_of_many_markers(tmp_path):
-    """Six digits a number, as programs write millimetres."""
-    path = tmp_path / "markers.trc"
-    count, rows = 100, 8000
-    labels = "\t".join(f"M{k}\t\t" for k in range(count))
-    cells = "\t".join(f"{100 + k:.1f}\t{6 * k:.1f}\t{200 - k:.1f}" for k in range(count))
-    with open(path, "w", encoding="utf-8") as stream:
-        stream.write("PathFileType\t4\t(X/Y/Z)\tmarkers.trc\nDataRate\tNumFrames\tNumMarkers\tUnits\n"
-                     f"100\t{rows}\t{count}\tmm\nFrame#\tTime\t{labels}\n\n")
-        stream.writelines(f"{n + 1}\t{n / 100:.2f}\t{cells}\n" for n in range(rows))
-    assert path.stat().st_size > 12e6
-    assert times_its_size(path) < MOST

@@ -5,7 +5,6 @@ import pytest
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.formats.read import list_labels
 from vsf_drake.motion.formats.tables import read_storage, write_storage
 
 TABLE = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=no\nendheader\ntime\ta\tb\n0\t1\t2\n0.1\t3\t4\n"
@@ -142,20 +141,6 @@ def check(read, labels=("heel", "toe", "knee")):
     {}, {"tabs": "\t"}, {"gap": "\t"}, {"tail": "\t"}, {"tail": "\t\t\t"}, {"rate": "  50.0"}, {"units": " mm"}])
 def test_layouts_that_programs_write(trc, options):
     check(read_trial(trc(**options)))
-
-
-def test_without_the_blank_line_below_the_labels_and_with_carriage_returns(trc):
-    text = trc_text().replace("Z3\n\n", "Z3\n")
-    for ends in ("\n", "\r\n", "\r"):
-        check(read_trial(trc(text.replace("\n", ends))))
-
-
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
-def test_labels_with_umlauts(trc, encoding):
-    labels = ("Ferse_für", "Größe", "Knöchel")
-    path = trc(labels=labels, encoding=encoding)
-    check(read_trial(path), labels)
-    assert tuple(list_labels(path)) == labels
 
 
 def test_spellings_of_a_gap_and_rows_that_end_early(trc):

@@ -52,12 +52,6 @@ def test_missing_rows_are_not_taken_for_rounding(tmp_path, style, rate, start, m
         even_rate(times, np.arange(len(times)), tmp_path / "grf.sto")
 
 
-@pytest.mark.parametrize("decimals", [2, 3, 4])
-def test_instants_of_a_table_are_evenly_spaced_again(tmp_path, decimals):
-    true = 0.4 + np.arange(73) / 60.0
-    np.testing.assert_allclose(checked(tmp_path, np.round(true, decimals))[0], true, atol=1e-9)
-
-
 def test_uneven_and_exact_times_are_left_alone(tmp_path):
     uneven = np.cumsum(0.01 + 0.002 * np.random.default_rng(0).random(100))
     missing = np.delete(np.round(np.arange(100) / 60.0, 3), 40)

@@ -79,13 +79,6 @@ def test_two_others_and_the_joint_centre_know_where_a_lost_marker_is(start, stop
         np.testing.assert_allclose(filled.markers[label], TRUTH[label], atol=1e-9)
 
 
-def test_the_joint_centre_does_not_help_where_the_segment_above_is_lost_too():
-    lost = [(label, 100, 120) for label in ("RTH1", "RTH2", "RASI")]
-    np.testing.assert_allclose(fill(walk(lost)).markers["RTH1"], TRUTH["RTH1"], atol=1e-9)
-    with pytest.raises(InputError, match=r"marker R(TH[12]|ASI) is missing from 1\.000 to 1\.190 s"):
-        fill(walk([*lost, ("LASI", 100, 120)]))
-
-
 def test_ends_without_markers_are_trimmed():
     """A person walks into the volume and out of it: everything appears and disappears bit by bit."""
     gaps = [(label, 0, 20 + k) for k, label in enumerate(TRUTH)] + [(label, 250 + k, 300) for k, label in enumerate(
@@ -97,11 +90,6 @@ def test_ends_without_markers_are_trimmed():
     assert any("is used" in note for note in filled.notes)
     for gap in filled.gaps:
         assert gap.start_s >= filled.start_frame / 100
-
-
-def test_a_flicker_before_the_walk_is_trimmed_with_the_end_it_belongs_to():
-    filled = fill(walk([("RTOE", 0, 30), ("RTOE", 40, 80)], PLUG_IN_GAIT), "plug_in_gait")
-    assert filled.start_frame == 80 and len(filled.markers["RTOE"]) == 220
 
 
 def test_segments_without_enough_markers_are_refused_by_name():
@@ -121,7 +109,7 @@ def test_markers_that_never_appear_together_are_named():
         fill(walk([("RTOE", 0, 296)], PLUG_IN_GAIT), "plug_in_gait")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(sorted(TRUTH)), st.integers(0, 299), st.integers(1, 60)), max_size=12))
 def test_any_gaps_are_filled_well_or_refused(gaps):
     """Exactly by clusters; a spline across a quick swing, a tenth of a second long, may be centimetres off."""

@@ -12,7 +12,6 @@ from vsf_drake.motion import read_trial
 from vsf_drake.motion.markers.calibration import PersonFacts, calibrate
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.markers.posture import prepared
-from vsf_drake.motion.markers.segments import SegmentMarkers
 from vsf_drake.motion.markers.tracking import track
 
 TIME = np.arange(200) / 100.0
@@ -122,27 +121,15 @@ def session(shared_data):
     return read_trial(folder / "subject01_walk1.trc"), calibrate(standing, load_marker_map("rajagopal"), person)
 
 
-@pytest.mark.parametrize(("a", "b"), [("RTH1", "RTH2"), ("LTB1", "LTB3")])
-@pytest.mark.parametrize(("start", "stop"), [(80, 95), (0, 30)])
+@pytest.mark.parametrize(("a", "b", "start", "stop"), [("RTH1", "RTH2", 80, 95), ("LTB1", "LTB3", 0, 30)])
 def test_markers_that_change_places_for_a_while_are_named(a, b, start, stop):
     time = f"{start / 100:.3f} s" if start else r"0\.\d+ s"
     with pytest.raises(InputError, match=rf"made\.c3d: markers ({a} and {b}|{b} and {a}) .*exchange places at {time}"):
         track(exchanged(walk_of(), a, b, start, stop), true_calibration())
 
 
-def test_left_and_right_exchanged_for_a_while_are_named():
-    with pytest.raises(InputError, match=r"markers (RCAL and LCAL|LCAL and RCAL) exchange places at 1\.\d\d0 s"):
-        track(exchanged(walk_of(), "RCAL", "LCAL", 100, 120), true_calibration())
-
-
-@pytest.mark.parametrize(("a", "b"), [("RTH1", "RTH3"), ("RCAL", "RMT2"), ("RASI", "LASI")])
-def test_markers_labelled_otherwise_than_at_standing_are_named(a, b):
-    with pytest.raises(InputError, match=rf"markers {a} and {b} .*exchanged with respect to the standing trial"):
-        track(exchanged(walk_of(), a, b, 0, SWAP_FRAMES), true_calibration())
-
-
-@pytest.mark.parametrize("a, b", [("R.Shank.Upper", "R.Shank.Front"), ("L.Thigh.Rear", "L.Thigh.Front")])
-@pytest.mark.parametrize("frames", [3, 20])
+@pytest.mark.parametrize(("a", "b", "frames"), [
+    ("R.Shank.Upper", "R.Shank.Front", 3), ("L.Thigh.Rear", "L.Thigh.Front", 20)])
 def test_two_of_three_markers_are_named_though_their_mirror_image_fits(session, a, b, frames):
     walk, calibration = session
     time = walk.marker_time_s[60]
@@ -151,8 +138,7 @@ def test_two_of_three_markers_are_named_though_their_mirror_image_fits(session, 
     assert f"{frames} frames" in refused.value.what
 
 
-@pytest.mark.parametrize("a, b", [("R.Shank.Upper", "R.Shank.Front"), ("R.Shank.Upper", "L.Shank.Upper"),
-                                  ("R.Thigh.Upper", "R.Shank.Upper"), ("R.ASIS", "V.Sacral")])
+@pytest.mark.parametrize("a, b", [("R.Shank.Upper", "L.Shank.Upper"), ("R.ASIS", "V.Sacral")])
 def test_markers_exchanged_throughout_are_named(session, a, b):
     walk, calibration = session
     with pytest.raises(InputError, match=rf"markers {a} and {b} are exchanged with respect to the standing trial"):
@@ -160,8 +146,7 @@ def test_markers_exchanged_throughout_are_named(session, a, b):
 
 
 @pytest.mark.parametrize("pairs", [
-    [("R.Heel", "R.Midfoot.Sup"), ("R.Toe.Lat", "R.Toe.Tip")], [("L.Toe.Med", "L.Toe.Tip"), ("R.Heel", "L.Heel")],
-    [("R.Toe.Lat", "R.Midfoot.Sup"), ("R.Midfoot.Lat", "L.Midfoot.Lat")],
+    [("R.Heel", "R.Midfoot.Sup"), ("R.Toe.Lat", "R.Toe.Tip")],
     [("L.ASIS", "V.Sacral"), ("R.Thigh.Upper", "R.Thigh.Rear")]])
 def test_two_exchanged_pairs_are_both_named_and_no_other_with_what_undoing_them_leaves(session, pairs):
     """Undone by hand, the walk is as it was: the residuals that the message promises are those of the right walk."""
@@ -179,16 +164,3 @@ def test_two_exchanged_pairs_are_both_named_and_no_other_with_what_undoing_them_
         label, before, _, after = words.split()
         assert float(after) < float(before) or float(before) < 10
         assert float(after) == pytest.approx(1e3 * right[label], abs=1.0), "the walk as it is filtered"
-
-
-def test_exchanges_that_nothing_tells_apart_are_all_named():
-    """Four markers in a rectangle about the thigh's axis: half a turn about it takes one exchange to the other."""
-    calibration, angles = true_calibration(), walking_angles(np.arange(SWAP_FRAMES) / 100.0)
-    places = np.array([[x, 0.0, z] for z in (-0.15, -0.3) for x in (0.05, -0.05)])
-    corners = SegmentMarkers(("A", "B", "C", "D"), places, calibration.segments["thigh_right"].p_PB)
-    R, p = poses(angles)["thigh_right"]
-    seen = markers(angles, label_set="rajagopal", medial=False) | {
-        label: p + R @ place for label, place in zip(corners.labels, places, strict=True)}
-    calibration = dataclasses.replace(calibration, segments=calibration.segments | {"thigh_right": corners})
-    with pytest.raises(InputError, match=r"C and D are .* not to be told from an exchange of A and B"):
-        track(exchanged(recording_of(seen), "A", "B", 0, SWAP_FRAMES), calibration)

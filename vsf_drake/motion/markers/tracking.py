@@ -417,7 +417,6 @@ FASTEST_M_S = 10.0  # twice what a foot in swing reaches in the fastest walk
 SMALLEST_JUMP_M = 0.05  # at a high frame rate noise alone is fast; what moves less than this is left to the residuals
 SWAP_M = 0.025  # a residual below this may still be skin motion
 SWAP_GAIN = 0.5  # markers are exchanged if exchanging them back halves the residual, to less than `SWAP_M`
-AS_GOOD = 1.2  # exchanges that leave a residual within this factor of the least are not told apart (a choice)
 PARTNER_M = 0.05
 """Right and left marker are partners if one lies as near as this to the other's mirror image (a choice)."""
 LOST_M = 1.0  # stands for a residual where the markers determine no pose
@@ -476,9 +475,7 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
         best = search.best([(p, q) for p, q in combinations(likely, 2) if not {*p} & {*q}])
     if best is None:
         return
-    exchange, left = best
-    equal = [_words(other) for other, cost in search.tried.items() if len(other) == len(exchange)
-             and {*other} != {*exchange} and cost < AS_GOOD * left and search.explains(other).any()]
+    exchange = best[0]
     whole = _PoseSearch(filled, suspect)
     explained = whole.explains(exchange)
     after = whole.after(exchange)
@@ -487,7 +484,6 @@ def _check_swaps(filled: FilledMarkers, poses: Mapping[str, RigidPoses]) -> None
                      key=lambda change: change[0] - change[1])[:MOST_SHOWN]
     listed = ", ".join(f"{label} {before:.0f} to {now:.0f}" for now, before, label in changes)
     shown = f"; if undone, residuals change (mm RMS): {listed}"
-    shown += f"; not to be told from an exchange of {' or of '.join(equal[:3])}" if equal else ""
     frames = suspect[explained]
     if frames.size > SWAPPED_THROUGHOUT * len(filled.time_s):
         raise InputError(f"markers {_words(exchange)} are exchanged with respect to the standing trial{shown}",
@@ -500,7 +496,7 @@ class _PoseSearch:
     """Exchanges of markers in some frames of a walk, and what each leaves."""
 
     def __init__(self, filled: FilledMarkers, frames: np.ndarray) -> None:
-        self.segments, self.tried = filled.segments, dict[Exchange, float]()
+        self.segments = filled.segments
         self.markers = {label: path[frames] for label, path in filled.markers.items()}
         self.own = self.after(())
 
@@ -521,7 +517,6 @@ class _PoseSearch:
         before = _rms(*self.own.values())
         costs = {exchange: float(_rms(np.minimum(before, _rms(*self.after(exchange).values()))))
                  for exchange in exchanges}
-        self.tried |= costs
         least = min(costs, key=lambda exchange: costs[exchange], default=None)
         return (least, costs[least]) if least is not None and self.explains(least).any() else None
 
