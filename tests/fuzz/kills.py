@@ -64,7 +64,8 @@ def commands(folder: Path) -> tuple[Command, ...]:
     recorded = laboratory.standing(), laboratory.walk()
     return (
         Command("simulate", (low, "--step-ms", 2), "result.yaml", load_walk),
-        Command("sweep", (low, "--fulcrum-mm", "66:151:8", "--workers", 2), "sweep.json", lambda out: read_json(out / "sweep.json")),
+        Command("sweep", (low, "--fulcrum-mm", "66:151:8", "--workers", 2), "sweep.json",
+                lambda out: read_json(out / "sweep.json")),
         Command("fit", (low, "--quick", "--freeze", "curve.*"), "fit.json", FIT.read, "checkpoint.json"),
         Command("validate", (low, *contact, "--quick", "--workers", 2), "validation.json", VALIDATION.read),
         Command("tune", (low, *contact, "--quick", "--cost", "push_off"), "tuning.json", TUNING.read),
