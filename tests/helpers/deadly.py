@@ -8,21 +8,28 @@ from pathlib import Path
 from typing import Any
 
 
-class Deadly:
-    """A trajectory, say, that kills the worker it is sent to, as often as it finds fewer than `times` lines in `log`.
+class Unreadable:
+    """What cannot be unpickled, but looks like `real` here."""
 
-    Args:
-        real: what it becomes otherwise, and what it looks like here.
-        log: a file that gets a line for each death.
-    """
-
-    def __init__(self, real: Any, log: Path, times: int) -> None:
-        self.real, self.log, self.times = real, log, times
+    def __init__(self, real: Any) -> None:
+        self.real = real
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(self.real, name)
+
+    def __reduce__(self) -> tuple:
+        return refuse_to_arrive, ()
+
+
+class Deadly(Unreadable):
+    """A trajectory, say, that kills the worker it is sent to, as often as it finds fewer than `times` lines in `log`,
+    which gets one for each death; else it becomes `real`."""
+
+    def __init__(self, real: Any, log: Path, times: int) -> None:
+        super().__init__(real)
+        self.log, self.times = log, times
 
     def __reduce__(self) -> tuple:
         return arrive, (self.real, str(self.log), self.times)
@@ -42,18 +49,3 @@ def arrive(real: Any, log: str, times: int) -> Any:
 def refuse_to_arrive() -> None:
     """Raises in the process that unpickles it."""
     raise RuntimeError("this cannot be read here")
-
-
-class Unreadable:
-    """What cannot be unpickled, but looks like `real` here."""
-
-    def __init__(self, real: Any) -> None:
-        self.real = real
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return getattr(self.real, name)
-
-    def __reduce__(self) -> tuple:
-        return refuse_to_arrive, ()

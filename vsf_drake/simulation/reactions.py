@@ -66,8 +66,7 @@ class LoadSensitivity:
 
     names: tuple[str, ...]
     load: np.ndarray
-    """(n, N, P) N m or N, of the loads that hold the prescribed coordinates, on average over the steps, and of torques
-    applied to others; 0 elsewhere."""
+    """(n, N, P) N m or N, of the loads that hold the prescribed coordinates, on average over the steps; 0 elsewhere."""
     socket: np.ndarray  # (n, 6, P) N and N m, of the bushing's force on the socket at the ends of the steps
     q: np.ndarray  # (n, N, P) of the state at the ends of the steps
     v: np.ndarray
@@ -323,7 +322,7 @@ def _driver_power(mechanism: Mechanism, record: Record, driven: np.ndarray, h: n
 
 
 def _applied_work(record: Record, driven: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """(n,) J of torques on free coordinates, which are those of a step's start."""
+    """(n,) J of torques on free coordinates, which are those of a step's start, and of what Newton's method leaves."""
     mean_rate = 0.5 * (record.v + np.vstack([record.v0, record.v[:-1]]))
     return np.cumsum(h * np.sum(np.delete(record.load * mean_rate, driven, axis=1), axis=1))
 

@@ -37,7 +37,7 @@ from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_sensitivity
-from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper, Torques
+from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper
 from vsf_drake.simulation.variables import (
     MotionPerturbation,
     added,
@@ -92,7 +92,6 @@ class Walker:
         with_loads: bool = False,
         support_width_m: float = 0.0,
         initial: dict[str, float] | None = None,
-        applied: AppliedTorques | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Walk:
         """Follows `trajectory` from `start_s` to `end_s` in steps of `step_s`.
@@ -115,7 +114,6 @@ class Walker:
                 `load_sensitivity`; not by `coordinate` and `perturbation` variables.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others
                 start as the trajectory says, with its velocity.
-            applied: torques on free coordinates. What settles before the start does so without them.
             progress: called with the finished fraction.
 
         Raises:
@@ -152,8 +150,7 @@ class Walker:
         inputs = Inputs(
             time_s=moments, prescribed=np.array([tree.index(name) for name in (*names, "fulcrum")]),
             prescribed_q=np.column_stack([q, fulcrum]), fulcrum=np.array(fulcrum),
-            ground=np.full(len(moments), mechanism.ground_height),
-            torques=torques_on_grid(applied, free=self.free, coordinate_names=tree.coordinate_names, moments=moments))
+            ground=np.full(len(moments), mechanism.ground_height))
         compile_s = stepper.warm_up(sensitivities=bool(tangents))
         q0, v0, rest_speed, by = self._start(stepper, inputs, trajectory, initial or {}, perturbation_rate, tangents)
         count = len(self.gait.person.foot.sites.radius)
@@ -171,8 +168,7 @@ class Walker:
             if tangents and with_loads else None,
             commanded=q[1:], fulcrum_m=np.array(fulcrum), values=values, step_s=step_s,
             perturbations={f"perturbation.{item.name}": item.coordinate for item in perturbations},
-            wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed,
-            applied_names=() if applied is None else tuple(applied.names))
+            wall_s=time.perf_counter() - started - compile_s, compile_s=compile_s, rest_speed=rest_speed)
 
     def _start(
         self, stepper: Stepper, inputs: Inputs, trajectory: CoordinateTrajectory, initial: Mapping[str, float],
@@ -220,7 +216,7 @@ class Walker:
         sites = self.gait.person.foot.sites
         count = len(sites.radius)
         driven = np.zeros_like(record.load)
-        columns = [tree.index(name) for name in (*self.gait.prescribed, *walk.applied_names)]
+        columns = [tree.index(name) for name in self.gait.prescribed]
         driven[:, columns] = record.load[:, columns]
         ledger, counts = self._ledger(walk) if energy else {}, record.counts()
         used = {  # contact, springs and support as the run used them, whatever the model file says
@@ -292,72 +288,6 @@ def simulate_trial(
     return walker.result(walk, trial, offsets)
 
 
-# Torques on the coordinates of a person that are not prescribed, with feedback of their motion.
-
-
-Sampled = np.ndarray | Callable[[np.ndarray], np.ndarray]
-"""Values at the instants of a run's grid: an array, one row for each step (a last row for the end of the last step may
-stand there and has no part), or a function of the times (n,) at which the n steps start."""
-
-
-@dataclass(frozen=True, eq=False)
-class AppliedTorques:
-    """What a sampled controller applies to c free coordinates of a person, of whom f are free.
-
-    Over a step that starts at t it holds tau = feedforward(t) - gain(t) @ (state - reference(t)), with the state at t.
-    A state is the f positions (rad, m) and then the f velocities (rad/s, m/s) of the free anatomical coordinates, in
-    the order of `Walker.free`; socket and keel have no part in it.
-    """
-
-    names: tuple[str, ...]  # of the coordinates that are driven
-    feedforward: Sampled  # (n, c) N m (N for translations), in the direction of the coordinate
-    gain: Sampled | None = None  # (n, c, 2 f); None for no feedback
-    reference: Sampled | None = None  # (n, 2 f); needed with a gain
-
-
-def torques_on_grid(
-    applied: AppliedTorques | None, *, free: Sequence[str], coordinate_names: Sequence[str], moments: np.ndarray
-) -> Torques | None:
-    """The torques of a run on the grid `moments` (n + 1,), for the stepper; `coordinate_names` are all of the plant."""
-    if applied is None:
-        return None
-    if not isinstance(applied, AppliedTorques):
-        raise InputError(f"is a {type(applied).__name__}, no AppliedTorques", where="applied")
-    if isinstance(applied.names, str) or not applied.names:
-        raise InputError(f"{applied.names!r} is no list of names", where="applied.names",
-                         right="Name the driven coordinates")
-    for i, name in enumerate(applied.names):
-        if name not in free:
-            raise InputError(f"{name!r} is not a free coordinate", where="applied.names",
-                             right=f"Free are: {', '.join(free) or 'none; see Walker(free=...)'}")
-        if name in applied.names[:i]:
-            raise InputError(f"{name} stands twice", where="applied.names")
-    if (applied.gain is None) != (applied.reference is None):
-        raise InputError("feedback needs both a gain and a reference", where="applied.gain, applied.reference")
-    starts, driven, size = moments[:-1], len(applied.names), 0 if applied.gain is None else 2 * len(free)
-    gain, reference = np.zeros((len(starts), driven, 0)), np.zeros((len(starts), 0))
-    if applied.gain is not None and applied.reference is not None:
-        gain = _rows(applied.gain, starts, (driven, size), "applied.gain")
-        reference = _rows(applied.reference, starts, (size,), "applied.reference")
-    index = [np.array([coordinate_names.index(name) for name in names], dtype=np.int64)
-             for names in (applied.names, free if size else ())]
-    return Torques(coordinates=index[0], sensed=index[1], gain=gain, reference=reference,
-                   feedforward=_rows(applied.feedforward, starts, (driven,), "applied.feedforward"))
-
-
-def _rows(given: Sampled, starts: np.ndarray, shape: tuple[int, ...], where: str) -> np.ndarray:
-    steps = len(starts)
-    rows = np.asarray(given(starts.copy()) if callable(given) else given)
-    if rows.dtype.kind not in "iuf" or rows.shape[1:] != shape or len(rows) not in (steps, steps + 1):
-        raise InputError(f"has {rows.dtype} numbers of shape {rows.shape}", where=where,
-                         right=f"It must be {(steps, *shape)}, one row for each step")
-    rows = np.ascontiguousarray(rows[:steps], dtype=float)
-    if not np.isfinite(rows).all():
-        row = int(np.argwhere(~np.isfinite(rows))[0][0])
-        raise InputError(f"is not finite at {starts[row]:g} s", where=where)
-    return rows
-
-
 # One run of a walking person, as the stepper left it.
 
 
@@ -381,12 +311,6 @@ class Walk:
     rest_speed: float  # largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest
     load_sensitivity: LoadSensitivity | None = None
     """Of `record.load`, the socket's wrench and the state to those variables; None unless asked for."""
-    applied_names: tuple[str, ...] = ()  # the c driven coordinates of which `applied` holds the torques
-
-    @property
-    def applied(self) -> np.ndarray:
-        """(n, c) torques (N m, or N) that were applied to free coordinates over each step."""
-        return self.record.applied
 
     @property
     def socket_wrench(self) -> np.ndarray:

@@ -52,35 +52,22 @@ def test_killed_worker_costs_only_its_own_task(sweep, assert_same):
 
 
 @pytest.mark.slow
-def test_a_task_that_lost_its_worker_once_is_tried_again(trial, sweep, tmp_path, assert_same):
-    log = tmp_path / "deaths"
-    with processes.ProcessWorkers(2) as pool:
-        outcomes = simulate_batch([killing(trial, log, 1), *sweep(3)], executor=pool, workers=2)
-    assert log.read_text().count("died") == 1
-    assert_same(outcomes, simulate_batch([WalkCase(trial=trial), *sweep(3)], workers=1))
-
-
-@pytest.mark.slow
-def test_a_task_that_kills_its_worker_twice_is_reported_and_never_cached(trial, sweep, tmp_path):
-    log, cache = tmp_path / "deaths", tmp_path / "cache"
-    cases = [*sweep(4), killing(trial, log, 99, fulcrum_m=0.1234, label="killer"), *sweep(8)[4:]]
-    with processes.ProcessWorkers(2) as pool:
-        outcomes = simulate_batch(cases, executor=pool, workers=2, cache=cache)
-    assert log.read_text().count("died") == 2
-    assert [o.ok for o in outcomes] == [True] * 4 + [False] + [True] * 4
-    for word in ("killer", "123.4 mm", "SIGKILL", "tried 2 times"):
-        assert word in outcomes[4].failure
-    assert len(list(cache.rglob("*.npz"))) == 8
-
-
-@pytest.mark.slow
-def test_a_task_that_a_worker_cannot_read_fails_alone(trial, sweep):
+def test_tasks_that_kill_their_worker_once_or_twice_or_that_it_cannot_read(trial, sweep, tmp_path, assert_same):
+    """The first is tried again, the second reported and never cached, the third fails alone."""
+    once, always, cache = tmp_path / "once", tmp_path / "always", tmp_path / "cache"
     motion = trial.trajectory
     odd = replace(trial, trajectory=Unreadable(motion.ordered((*motion.names[1:], motion.names[0]))))
+    cases = [*sweep(2), killing(trial, once, 1), killing(trial, always, 99, fulcrum_m=0.1234, label="killer"),
+             WalkCase(trial=odd, fulcrum_m=0.11), *sweep(4)[2:]]
     with processes.ProcessWorkers(2) as pool:
-        outcomes = simulate_batch([WalkCase(trial=odd), *sweep(2)], executor=pool, workers=2)
-    assert [o.ok for o in outcomes] == [False, True, True]
-    assert "cannot be read here" in outcomes[0].failure
+        outcomes = simulate_batch(cases, executor=pool, workers=2, cache=cache)
+    assert [path.read_text().count("died") for path in (once, always)] == [1, 2]
+    assert [o.ok for o in outcomes] == [True, True, True, False, False, True, True]
+    for word in ("killer", "123.4 mm", "SIGKILL", "tried 2 times"):
+        assert word in outcomes[3].failure
+    assert "cannot be read here" in outcomes[4].failure
+    assert len(list(cache.rglob("*.npz"))) == 5
+    assert_same(outcomes[2:3], simulate_batch([WalkCase(trial=trial)], workers=1))
 
 
 @pytest.mark.slow
@@ -115,8 +102,8 @@ def test_workers_that_cannot_start_end_the_sweep_with_a_message(monkeypatch, swe
     assert "no such library" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize(("error", "kept"), [(MemoryError("no room"), 0), (OSError(5, "disk"), 0)])
-def test_what_the_machine_did_is_tried_twice_and_not_cached(monkeypatch, sweep, tmp_path, error, kept):
+@pytest.mark.parametrize("error", [MemoryError("no room"), OSError(5, "disk")])
+def test_what_the_machine_did_is_tried_twice_and_not_cached(monkeypatch, sweep, tmp_path, error):
     tried = []
 
     def fail(*_, **__):
@@ -127,7 +114,7 @@ def test_what_the_machine_did_is_tried_twice_and_not_cached(monkeypatch, sweep, 
     [outcome] = simulate_batch(sweep(1), workers=1, cache=tmp_path)
     assert len(tried) == 2
     assert type(error).__name__ in outcome.failure and "tried 2 times" in outcome.failure
-    assert len(list(tmp_path.rglob("*.npz"))) == kept
+    assert not list(tmp_path.rglob("*.npz"))
 
 
 def test_an_executor_that_is_shut_down_during_the_sweep_fails_what_it_did_not_do(sweep):

@@ -167,8 +167,6 @@ HALF = SweepProgress(total=100, done=50, failed=1, from_cache=20, simulated=30, 
 
 
 def test_rate_counts_what_was_simulated_and_tells_the_time_left():
-    assert HALF.rate_per_s == pytest.approx(3.0)
-    assert HALF.left_s == pytest.approx(50 / 3.0)
     assert str(HALF) == "50 of 100 walks (20 from the cache), 1 failed, 3.0 walks/s, 0:17 left"
 
 

@@ -36,8 +36,8 @@ from vsf_drake.simulation.stepping.tree import (
 )
 
 TOLERANCE = 1e-12
-STATES = 6
-PLANTS = ("right", "left", "shifted foot", "other masses", "bench", "askew")
+STATES = 3
+PLANTS = ("left", "shifted foot", "other masses", "bench", "askew")
 
 
 def other_masses(plant, context, rng):
@@ -92,14 +92,6 @@ class Case:
     def bodies(self):
         return [(b, self.plant.get_body(BodyIndex(b))) for b in range(1, self.plant.num_bodies())]
 
-    def forward(self, b: int) -> list[int]:
-        """The body and all that hangs on it, joints and welds alike."""
-        found = [b]
-        for _, parent, child, _ in self.tree.links:
-            if parent in found:
-                found.append(int(child))
-        return found
-
 
 @pytest.fixture(params=[(name, i) for name in PLANTS for i in range(STATES)], ids=lambda p: f"{p[0]}-{p[1]}")
 def case(request, walker):
@@ -146,45 +138,16 @@ def test_inverse_dynamics_with_gravity_are_drakes(case):
 
 
 def test_mass_matrix_is_drakes(case):
+    """Also its rows and columns of some coordinates."""
     M = case.matrix(np.arange(len(case.q)))
     assert_equal(M, case.plant.CalcMassMatrix(case.context))
-    assert np.linalg.eigvalsh(M).min() > 0.0
-
-
-def test_mass_matrix_of_a_subset_is_that_part_of_the_whole(case):
-    whole = case.matrix(np.arange(len(case.q)))
-    rng = np.random.default_rng(11)
-    for size in range(1, len(case.q), 3):
-        some = np.sort(rng.choice(len(case.q), size, replace=False))
-        np.testing.assert_array_equal(case.matrix(some), whole[np.ix_(some, some)])
-
-
-def test_composite_inertias_are_drakes(case):
-    world = case.plant.world_frame()
-    for b, _ in case.bodies():
-        bodies = [BodyIndex(i) for i in case.forward(b)]
-        I_W = case.plant.CalcSpatialInertia(case.context, world, bodies).CopyToFullMatrix6()
-        mass, moment = I_W[5, 5], [I_W[2, 4], I_W[0, 5], I_W[1, 3]]
-        J = I_W[:3, :3]
-        assert_equal(case.motion.composite[b, :4], [mass, *moment])
-        assert_equal(case.motion.composite[b, 4:], [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
-
-
-def energies(case, q, v):
-    """(n,) potential and kinetic energy of all bodies."""
-    motion = follow(case.tree, q, v, bodies=(0,), coordinates=(), inside=np.ones(len(case.tree.body_names), dtype=bool))
-    return -motion.mass_moment @ case.tree.gravity, motion.kinetic_j
+    some = np.arange(1, len(case.q), 3)
+    np.testing.assert_array_equal(case.matrix(some), M[np.ix_(some, some)])
 
 
 def test_energies_are_drakes(case):
-    potential, kinetic = energies(case, np.tile(case.q, (2, 1)), np.array([case.v, np.zeros_like(case.v)]))
+    motion = follow(case.tree, np.tile(case.q, (2, 1)), np.array([case.v, np.zeros_like(case.v)]), bodies=(0,),
+                    coordinates=(), inside=np.ones(len(case.tree.body_names), dtype=bool))
+    potential, kinetic = -motion.mass_moment @ case.tree.gravity, motion.kinetic_j
     assert_equal(kinetic, [case.plant.CalcKineticEnergy(case.context), 0.0])
     assert_equal(potential, [case.plant.CalcPotentialEnergy(case.context)] * 2)
-
-
-def test_coordinates_stand_where_drake_has_them(walker):
-    plant = walker("left").gait.plant
-    tree = tree_of(plant, plant.CreateDefaultContext())
-    for i, name in enumerate(tree.coordinate_names):
-        joint = plant.GetJointByName(name)
-        assert joint.velocity_start() == joint.position_start() == i

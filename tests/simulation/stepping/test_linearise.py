@@ -136,8 +136,7 @@ class Instant:
         return (ends[0][0] - ends[1][0]) / (2.0 * change), np.array_equal(ends[0][1], ends[1][1])
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize(("side", "seed"), [("right", 0), ("left", 1)])
 def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed):
     """In the air, without springs: rows of free coordinates, by all of these, by held ones and by the mount."""
     person = walker(side)
@@ -176,15 +175,14 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
                                atol=1e-10 * np.abs(wanted[:, columns]).max())
 
 
-@pytest.mark.parametrize("speed", [0.02, 0.3, 1.0])
-@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize(("side", "speed"), [("right", 0.02), ("left", 0.3), ("right", 1.0)])
 def test_contact_springs_and_support_are_differentiated_too(walker, side, speed):
     """Stuck, on friction's falling branch, sliding: by coordinates, velocities at the start, those at the end, which is
     the tangent of Newton's method, and every variable."""
     person, checked, total = walker(side), 0, 0
     variables = [name for name in person.variables if name[11:] not in np.setdiff1d(person.gait.prescribed, HELD)]
     variables = [name for name in variables if not name.endswith("exponent")]
-    for seed in range(4):
+    for seed in range(2):
         at = Instant(person, seed, variables, depth=0.012, speed=speed)
         assert at.converged and at.residual()[1][0].sum() > 3
         free, held = np.eye(len(at.q))[at.dofs.free], np.eye(len(at.q))[at.held[:-1]]
@@ -212,7 +210,7 @@ def test_contact_springs_and_support_are_differentiated_too(walker, side, speed)
 
 
 @pytest.mark.parametrize("place", [-0.7, 0.0, 0.3])
-@pytest.mark.parametrize("joint", [0.07764, 0.10093, 0.1475])
+@pytest.mark.parametrize("joint", [0.07764, 0.1475])
 def test_support_on_two_pieces_is_differentiated_too(walker, joint, place):
     """Within a width of a joint, by keel and socket coordinates, by the support's place and by its stiffness."""
     names = ("fulcrum.shift", "fulcrum.stiffness")
@@ -243,17 +241,3 @@ def test_flattened_tangent_differs_from_the_exact_one_only_on_the_falling_branch
         assert more.min() >= -1e-9 * max(more.max(), 1e-9)
         falling += on_branch
     assert falling > 0 or speed < 0.1
-
-
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_wrench_on_every_body_is_the_sum_over_the_sites_that_it_carries(walker, side):
-    at = Instant(walker(side), 1, (), depth=0.012, speed=0.3)
-    m, contact = at.mechanism, at.workspace.contact
-    force = np.column_stack([at.sites[:, 2], at.sites[:, 3], at.sites[:, 1]])
-    wrench = np.hstack([np.cross(contact.center - m.sites[:, 3:4] * [0.0, 0.0, 1.0], force), force])
-    forward = np.eye(len(contact.F), dtype=bool)
-    for _, parent, child, _ in m.tree.links[::-1]:
-        forward[parent] |= forward[child]
-    wanted = np.array([wrench[forward[b][m.site_bodies]].sum(axis=0) for b in range(len(contact.F))])
-    assert np.abs(wanted[0]).max() > 100.0
-    np.testing.assert_allclose(contact.F, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())

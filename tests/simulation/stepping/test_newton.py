@@ -12,10 +12,7 @@ from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable, MultibodyForc
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.reactions import follow
-from vsf_drake.simulation.stepping.assembly import (
-    SPRING_COLUMNS,
-    TOLERANCE,
-)
+from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, TOLERANCE
 from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 
 
@@ -77,10 +74,9 @@ def loose(walker, names):
                                      limits=np.full(mechanism.tree.num_coordinates, 1e30))
 
 
-@pytest.mark.parametrize("names", [(), ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt", "fulcrum")])
-def test_chain_without_losses_keeps_its_energy_to_first_order_in_the_step(walker, names):
-    """Flying freely, and hanging from its pelvis: the error halves with the step."""
-    held, mechanism = loose(walker("right"), names)
+def test_chain_without_losses_keeps_its_energy_to_first_order_in_the_step(walker):
+    """Hanging from its pelvis: the error halves with the step."""
+    held, mechanism = loose(walker("right"), ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt", "fulcrum"))
     n = mechanism.tree.num_coordinates
     rng = np.random.default_rng(8)
     q0, v0 = rng.uniform(-0.3, 0.3, n), rng.uniform(-0.5, 0.5, n)
@@ -101,20 +97,3 @@ def test_chain_without_losses_keeps_its_energy_to_first_order_in_the_step(walker
     ends = np.array([loss[-1] for loss in losses])
     np.testing.assert_allclose(ends[:-1] / ends[1:], 2.0, rtol=0.1)
     assert abs(ends[-1]) < 0.01 * moved
-
-
-def test_body_in_free_fall_is_where_galileo_has_it(walker):
-    """All coordinates free and at rest: the step is exact for a constant acceleration but for h g t / 2."""
-    held, mechanism = loose(walker("right"), ())
-    n, step_s, steps = mechanism.tree.num_coordinates, 1e-3, 300
-    time = step_s * np.arange(steps + 1)
-    inputs = Inputs(time_s=time, prescribed=held, prescribed_q=np.zeros((steps + 1, 0)),
-                    fulcrum=np.zeros(steps + 1), ground=np.full(steps + 1, -1e3))
-    record = Stepper(mechanism).run(inputs, np.zeros(n), np.zeros(n))
-    c = mechanism.tree.index("pelvis_ty")
-    t = time[1:]
-    np.testing.assert_allclose(record.v[:, c], -9.81 * t, rtol=1e-9)
-    np.testing.assert_allclose(record.q[:, c], -0.5 * 9.81 * t * (t + step_s), rtol=1e-9)
-    others = np.delete(record.v, c, axis=1)
-    assert np.abs(others).max() < 1e-6
-    assert np.abs(record.load).max() < 1e-3

@@ -21,11 +21,10 @@ from vsf_drake.laws.beam import section_inertia
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.simulation import walk as walk_module
-from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_sensitivity
+from vsf_drake.simulation.stepping.sensitivity import rest_sensitivity
 from vsf_drake.simulation.stepping.stepper import Stepper
 from vsf_drake.simulation.variables import MotionPerturbation, perturbation_variables
-from vsf_drake.simulation.walk import AppliedTorques, Walker
+from vsf_drake.simulation.walk import Walker
 
 END_S, STRIKE_S, MID_STANCE_S = 0.94, 0.1, 0.4
 GRID = np.array([0.0, 0.5, 1.0])
@@ -73,11 +72,8 @@ def moving(time):
 
 
 CASES = {
-    "whole stance, 1 ms": ("right", {"fulcrum_m": 0.108, "start_s": 0.0, "step_s": 1e-3}),
-    "soft setting, 2 ms": ("right", {"fulcrum_m": 0.066, "start_s": STRIKE_S, "step_s": 2e-3}),
-    "stiff setting, 2 ms": ("left", {"fulcrum_m": 0.146, "start_s": STRIKE_S, "step_s": 2e-3}),
+    "whole stance": ("right", {"fulcrum_m": 0.108, "start_s": STRIKE_S, "step_s": 2e-3}),
     "fulcrum moving, from loaded rest": ("left", {"fulcrum_m": moving, "start_s": MID_STANCE_S, "step_s": 2e-3}),
-    "from loaded rest, 1 ms": ("right", {"fulcrum_m": 0.108, "start_s": MID_STANCE_S, "step_s": 1e-3}),
 }
 FAMILIES = ("contact", "friction", "keel", "fulcrum", "socket", "offset", "coordinate")
 
@@ -115,26 +111,6 @@ def test_central_differences_lead_to_the_sensitivity(walker, motion, name, prefi
             assert np.median(error) < 1e-6, (variable, key)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [*CASES][::3])
-def test_noticeable_changes_agree_within_a_percent_away_from_events(walker, motion, name):
-    """Changes by 2e-4. After an event the foot creeps on the ground against its socket, with a time constant of
-    mu F_n / v_s over the socket's stiffness, 0.05 s at half the weight: out of sight after three of them."""
-    person, recording, options = case(walker, motion, name)
-    names = [variable for prefix in FAMILIES for variable in family(person, prefix)]
-    sensitivity = person.walk(recording, with_respect_to=names, **options).sensitivity
-    events, seen = 0, 0.0
-    for variable in names:
-        by = central(person, recording, variable, 2e-4 * size(person.variables[variable]), **options)
-        window = np.ones(round(0.15 / options["step_s"]))
-        near = np.convolve(~by.alike, window)[: len(by.alike)] > 0.5
-        events, seen = events + np.count_nonzero(~by.alike), seen + np.mean(~near)
-        for key, error in errors(person, sensitivity, variable, by):
-            assert error[~near].max() < 0.01, (variable, key)
-            assert np.median(error) < 1e-4, (variable, key)
-    assert events > 5 and seen > 0.75 * len(names)
-
-
 @pytest.mark.parametrize("name", ["landing", "catching"])
 def test_steps_that_are_cut_carry_sensitivities_through_their_pieces(name):
     """Courses without a value, so that the walk is the one that is cut."""
@@ -157,10 +133,9 @@ def test_steps_that_are_cut_carry_sensitivities_through_their_pieces(name):
             assert np.median(error) < 1e-4, (variable, key)
 
 
-@pytest.mark.parametrize("start_s", [0.0, MID_STANCE_S])
-def test_person_who_walks_elsewhere_loads_the_ground_there_and_not_otherwise(walker, motion, start_s):
+def test_person_who_walks_elsewhere_loads_the_ground_there_and_not_otherwise(walker, motion):
     """Shifted by a metre forward or to the right: the same force, a metre away (y_W is to the left)."""
-    walk = walker("right").walk(motion("right"), fulcrum_m=0.108, start_s=start_s, end_s=END_S, step_s=2e-3,
+    walk = walker("right").walk(motion("right"), fulcrum_m=0.108, start_s=MID_STANCE_S, end_s=END_S, step_s=2e-3,
                                 with_respect_to=("coordinate.pelvis_tx", "coordinate.pelvis_tz"))
     by, loaded = walk.sensitivity, ~np.isnan(walk.prosthetic.cop_W[:, 0])
     assert np.count_nonzero(loaded) > 200
@@ -198,10 +173,9 @@ def test_nothing_depends_on_anything_before_touch_down_nor_on_the_other_leg(walk
     assert not walk.sensitivity.grf_W[:, :, other].any()
 
 
-@pytest.mark.parametrize("name", [name for name, (_, span) in CASES.items() if span["start_s"] == MID_STANCE_S])
-def test_rest_does_not_depend_on_what_acts_on_motion_only(walker, motion, name):
+def test_rest_does_not_depend_on_what_acts_on_motion_only(walker, motion):
     """The start settles: damping and friction have no part in it, everything else has."""
-    person, recording, options = case(walker, motion, name)
+    person, recording, options = case(walker, motion, "fulcrum moving, from loaded rest")
     walk = person.walk(recording, **options | {"end_s": MID_STANCE_S + options["step_s"]})
     tree = walk.mechanism.tree
     held = np.array([tree.index(name) for name in (*person.gait.prescribed, "fulcrum")])
@@ -254,13 +228,12 @@ def test_run_is_the_same_bit_for_bit_whatever_it_is_differentiated_by(walker, mo
     np.testing.assert_allclose(some.sensitivity.grf_W[:, :, 1:2], one.sensitivity.grf_W, rtol=1e-12)
 
 
-@pytest.mark.parametrize("start_s", [0.0, MID_STANCE_S])
-def test_sensitivities_to_courses_that_add_up_to_one_add_up_to_that_of_a_shift(walker, motion, start_s):
+def test_sensitivities_to_courses_that_add_up_to_one_add_up_to_that_of_a_shift(walker, motion):
     """Cubic B-splines over the walk, and the other sensitivities are the same beside them."""
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, 6), np.ones(3)])
     person = Perturbed(walker("right"), tuple(MotionPerturbation(str(i), "hip_flexion_r", BSpline(knots, unit, 3))
                                               for i, unit in enumerate(np.eye(8))))
-    options = {"fulcrum_m": 0.108, "start_s": start_s, "end_s": END_S, "step_s": 2e-3}
+    options = {"fulcrum_m": 0.108, "start_s": MID_STANCE_S, "end_s": END_S, "step_s": 2e-3}
     names = [*family(person, "perturbation"), "coordinate.hip_flexion_r"]
     by = person.walk(motion("right"), with_respect_to=names, **options).sensitivity
     alone = walker("right").walk(motion("right"), with_respect_to=names[-1:], **options).sensitivity
@@ -268,18 +241,6 @@ def test_sensitivities_to_courses_that_add_up_to_one_add_up_to_that_of_a_shift(w
     for series in (by.grf_W, by.cop_W, by.free_moment_nm):
         np.testing.assert_allclose(series[..., :8].sum(axis=-1), series[..., 8], rtol=0.0,
                                    atol=1e-9 * np.nanmax(np.abs(series)))
-
-
-def test_course_on_another_grid_than_the_run_is_refused(walker):
-    person = walker("right")
-    mechanism = gait_mechanism(person.gait, person.context)
-    tangents = tuple(v.by_unit for v in perturbation_variables([MotionPerturbation("a", "pelvis_ty", wave)],
-                                                               person.gait.prescribed,
-                                                               GRID).values())
-    forward = ForwardSensitivity(tangents=tangents, measured=np.zeros(len(mechanism.sites), dtype=bool),
-                                 q0=np.zeros((1, 1)))
-    with pytest.raises(ValueError, match="3 instants, the run 11"):
-        forward.prepare(mechanism.tree, mechanism.forces, None, 10)
 
 
 def supported(walker: Walker, motion, fulcrum_m, width_m, **options):
@@ -294,7 +255,7 @@ def force_by_shift(walker, motion, fulcrum_m, width_m):
 
 
 @pytest.mark.parametrize(("joint", "place"), [
-    (joint, place) for joint in JOINTS_M for place in (-1.0, -0.5, -0.02, 0.0, 0.02, 0.5, 1.0)
+    (joint, place) for joint in JOINTS_M for place in (-1.0, -0.02, 0.0, 0.5)
     if FOOT.fulcrum.rearmost_m < joint + place * WIDTH_M < FOOT.fulcrum.foremost_m])
 def test_derivative_of_a_walk_is_its_central_difference_on_a_joint_and_beside_it(walker, motion, joint, place):
     """At 1e-8 m either way both ends are on the same branch of every law; at a place of +-1 the weight's second
@@ -356,7 +317,6 @@ NAMES = ("fulcrum.shift", "fulcrum.stiffness", "keel.flexural_modulus", "contact
          "offset.alignment", "offset.height", "offset.fore_aft")
 ROLLED = {"fulcrum_m": 0.1, "start_s": 0.1, "end_s": 0.8, "step_s": 1e-3, "support_width_m": 6e-3}
 """From just before touch-down to toe-off, the support on two pieces of the keel."""
-SIDES = {"right": "_r", "left": "_l"}
 
 
 @pytest.fixture
@@ -372,7 +332,7 @@ def series(walk):
 
 def driven(person, walk):
     """Coordinates that have a load."""
-    names = (*person.gait.prescribed, "fulcrum", *walk.applied_names)
+    names = (*person.gait.prescribed, "fulcrum")
     return [walk.mechanism.tree.index(name) for name in names]
 
 
@@ -407,29 +367,20 @@ def assert_differences_agree(person, recording, names, options, *, change=3e-6):
 
 
 @pytest.mark.usefixtures("exact_steps")
-@pytest.mark.parametrize("side", SIDES)
-def test_differences_of_walks_lead_to_the_derivatives(walker, motion, side):
-    walk = assert_differences_agree(walker(side), motion(side), NAMES, ROLLED)
+def test_differences_of_walks_lead_to_the_derivatives(walker, motion):
+    walk = assert_differences_agree(walker("left"), motion("left"), NAMES, ROLLED)
     assert walk.prosthetic.grf_W[:, 2].max() > 500.0
-    knee = walk.mechanism.tree.index(f"knee_angle{SIDES[side]}")
-    other = walk.mechanism.tree.index(f"knee_angle{SIDES['left' if side == 'right' else 'right']}")
+    knee, other = (walk.mechanism.tree.index(name) for name in ("knee_angle_l", "knee_angle_r"))
     assert np.abs(walk.load_sensitivity.load[:, knee, 0]).max() > 100.0
     assert not walk.load_sensitivity.load[:, other].any()
 
 
 @pytest.mark.usefixtures("exact_steps")
-def test_rows_that_free_coordinates_move_and_torques_with_feedback_too(motion):
-    """A pelvis that rises and falls and swings, and a prosthetic knee that follows the recording by feedback."""
-    free = ("pelvis_tilt", "pelvis_ty", "knee_angle_r")
+def test_rows_that_free_coordinates_move_too(motion):
+    """A pelvis that falls and swings with the leg on it."""
     person = Walker(Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right"), ModelParameters(),
-                    free=free)
-    recording = motion("right").ordered(free)
-    gain = np.hstack([np.diag([3000.0, 3e4, 3000.0])[2:], np.diag([100.0, 1e3, 60.0])[2:]])
-    applied = AppliedTorques(("knee_angle_r",), lambda t: np.zeros((len(t), 1)),
-                             gain=lambda t: np.tile(gain, (len(t), 1, 1)),
-                             reference=lambda t: np.hstack(recording.sample(t)[:2]))
-    options = ROLLED | {"end_s": 0.5, "applied": applied}
-    walk = assert_differences_agree(person, motion("right"), NAMES, options, change=1e-5)
+                    free=("pelvis_tilt", "pelvis_ty"))
+    walk = assert_differences_agree(person, motion("right"), NAMES[:6], ROLLED | {"end_s": 0.3}, change=1e-5)
     rows = [walk.mechanism.tree.index(name) for name in ("hip_flexion_l", "ankle_angle_l", "knee_angle_r")]
     assert np.all(np.abs(walk.load_sensitivity.load[:, rows]).max(axis=(0, 2)) > 0.0)
 

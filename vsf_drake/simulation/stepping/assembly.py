@@ -22,6 +22,7 @@ from vsf_drake.simulation.stepping.tree import (
     Tree,
     add,
     add_column,
+    add_composite,
     chains,
     cross_motion,
     dot,
@@ -75,7 +76,7 @@ class ContactWorkspace(NamedTuple):
     K: np.ndarray  # (B, 6, 6) -dF/dV
     loaded: np.ndarray  # (B,) whether K is not zero
     W: np.ndarray  # (1, 6) unit wrench of the support
-    row: np.ndarray  # (n,) its power on each coordinate
+    support_jacobian: np.ndarray  # (n,) its power on each coordinate
 
 
 @internal
@@ -194,9 +195,7 @@ def tangents(
         parent, b = links[moving[k], 1], links[moving[k], 2]
         if contact.loaded[b] and dofs.body_moves[parent]:
             contact.loaded[parent] = True
-            for i in range(6):
-                for j in range(6):
-                    K[parent, i, j] += K[b, i, j]
+            add_composite(K, parent, b)
 
 
 @internal
@@ -240,9 +239,9 @@ class Workspace(NamedTuple):
     applied: np.ndarray  # torques on free coordinates
     tau: np.ndarray
     trial: np.ndarray
-    delta: np.ndarray  # (B, 6)
+    dA: np.ndarray  # (B, 6) what the accelerations of free coordinates add to those of the bodies, then its forces
     r: np.ndarray  # (f,)
-    dx: np.ndarray  # (f, 1)
+    dv: np.ndarray  # (f, 1) step of Newton's method
     y: np.ndarray  # (f,)
     M: np.ndarray  # (f, f) here and below
     L: np.ndarray
@@ -271,11 +270,11 @@ def step_workspace(tree: Tree, forces: Forces, dofs: FreePrescribed, tolerance: 
     contact = ContactWorkspace(
         near=np.zeros(sites + 1, dtype=np.int64), center=np.zeros((sites, 3)), loaded=np.zeros(bodies, dtype=np.bool_),
         **{name: np.zeros(sites) for name in ("depth0", "gain", "elastic")}, V=np.zeros((bodies, 6)),
-        F=np.zeros((bodies, 6)), K=np.zeros((bodies, 6, 6)), W=np.zeros((1, 6)), row=np.zeros(n))
+        F=np.zeros((bodies, 6)), K=np.zeros((bodies, 6, 6)), W=np.zeros((1, 6)), support_jacobian=np.zeros(n))
     return Workspace(
         motion=work_space(tree), contact=contact,
         **{name: np.zeros(n) for name in ("v0", "acceleration", "bias", "applied", "tau", "trial")},
-        delta=np.zeros((bodies, 6)), r=np.zeros(f), dx=np.zeros((f, 1)), y=np.zeros(f), M=np.zeros((f, f)),
+        dA=np.zeros((bodies, 6)), r=np.zeros(f), dv=np.zeros((f, 1)), y=np.zeros(f), M=np.zeros((f, f)),
         L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)), fulcrum=np.zeros(3),
         keel=np.zeros(1, dtype=np.int64), tolerance=tolerance)
 
@@ -338,10 +337,10 @@ def find_support(
     put(contact.W, 0, W)
 
     # Joints behind piece j carry all of the force, that of piece j its share alone.
-    contact.row[:] = 0.0
+    contact.support_jacobian[:] = 0.0
     for k in range(j + 1):
         c = forces.keel_coordinates[k]
-        contact.row[c] = dot(six(motion.S, c), W) if k < j else weight * dot(six(motion.S, c), front)
+        contact.support_jacobian[c] = dot(six(motion.S, c), W) if k < j else weight * dot(six(motion.S, c), front)
     return j, weight, slope, R[F, 0, 2] * (x - p[F, 0]) + R[F, 1, 2] * (y - p[F, 1]) + R[F, 2, 2] * (z - p[F, 2])
 
 
@@ -375,7 +374,7 @@ def add_support_tangent(
     By a displacement x of a keel coordinate, or of the support along the keel: with tau = row f, f = -k w - d w' and
     w = w0 + h w', the residual changes by -d(row)/dx f - row df/dx, where df/dx = -k (dw0/dx + h dw'/dx) - d dw'/dx.
     """
-    motion, V, row, d_row = workspace.motion, workspace.contact.V, workspace.contact.row, tangent.d_row
+    motion, V, row, d_row = workspace.motion, workspace.contact.V, workspace.contact.support_jacobian, tangent.d_row
     keel, front, weight, slope = forces.keel_coordinates, workspace.keel[0], workspace.fulcrum[1], workspace.fulcrum[2]
     for column in range(front + 2 if directions.slides else front + 1):
         sliding = column > front

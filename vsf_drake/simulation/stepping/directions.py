@@ -56,8 +56,8 @@ class Tangent(NamedTuple):
     end: np.ndarray  # (C, 6) likewise to the velocity at the step's end
     coriolis: np.ndarray  # (B, 6, 6) composites: derivative of inertial forces by velocity
     shift: np.ndarray  # (B, 6, 6) of contact by displacement
-    out_shift: np.ndarray  # (B, 6, 6) of the measured wrench by displacement
-    out_K: np.ndarray  # (B, 6, 6) and by minus the velocity
+    measured_shift: np.ndarray  # (B, 6, 6) of the measured wrench by displacement
+    measured_K: np.ndarray  # (B, 6, 6) and by minus the velocity
     touched: np.ndarray  # (B,) whether the body, or one that it carries, has a loaded site
     dF: np.ndarray  # (B, P, 6) what parameters change directly in the wrenches
     dT: np.ndarray  # (P, 6) and in the measured one
@@ -68,7 +68,6 @@ class Tangent(NamedTuple):
     q: np.ndarray  # (C, P) sensitivities of the state
     v: np.ndarray
     v_end: np.ndarray  # (C, P) of the velocity at the step's end
-    torque: np.ndarray  # (f, P) of the applied torques
     rhs: np.ndarray  # (f, P)
     d_row: np.ndarray  # (n,) workspace for the support's power on the keel's coordinates
 
@@ -147,8 +146,8 @@ def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirec
     v[directions.perturbation_direction, directions.perturbation_parameter] = directions.path_rate
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("S", "rate", "second", "end"), (C, 6)),
-        **dict.fromkeys(("coriolis", "shift", "out_shift", "out_K"), (B, 6, 6)), "dF": (B, P, 6), "dT": (P, 6),
-        **dict.fromkeys(("Gq", "Gv", "B"), (r, C)), "E": (r, P), "v_end": (C, P), "torque": (f, P), "rhs": (f, P),
+        **dict.fromkeys(("coriolis", "shift", "measured_shift", "measured_K"), (B, 6, 6)), "dF": (B, P, 6),
+        "dT": (P, 6), **dict.fromkeys(("Gq", "Gv", "B"), (r, C)), "E": (r, P), "v_end": (C, P), "rhs": (f, P),
         "d_row": (len(dofs.place),)}
     return Tangent(touched=np.zeros(B, dtype=np.bool_), q=directions.unit.copy(), v=v,
                    **{name: np.zeros(shape) for name, shape in shapes.items()})

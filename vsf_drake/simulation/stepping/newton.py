@@ -10,8 +10,8 @@ Rows of prescribed coordinates are known; their equations give the loads that ho
 are solved by Newton's method. But for the dependence of friction on the normal force the residual r is
 the gradient of a potential, which is convex except where the friction curve falls; the norm of r is not
 a merit there, since a foot that begins to slide has to pass a hump of it. So the tangent takes friction's
-falling branch as flat, for which every step dx descends (dx . r < 0). The line search shortens a step where
-dx . r has changed sign by more than OVERSHOOT and lengthens it where the slope has become steeper. From
+falling branch as flat, for which every step dv descends (dv . r < 0). The line search shortens a step where
+dv . r has changed sign by more than OVERSHOOT and lengthens it where the slope has become steeper. From
 iteration EXACT_FROM on the falling branch enters the tangent too, wherever the step still descends, because
 a flattened one converges linearly only.
 """
@@ -72,7 +72,7 @@ def step(
     prescribed ones, and in the others what `workspace` applies, but for the residual.
     """
     free, prescribed, motion, contact = dofs.free, dofs.prescribed, workspace.motion, workspace.contact
-    nf, bias, r, dx, trial = free.shape[0], workspace.bias, workspace.r, workspace.dx, workspace.trial
+    nf, bias, r, dv, trial = free.shape[0], workspace.bias, workspace.r, workspace.dv, workspace.trial
 
     # The pose q0, frozen over the step: motions S of the joints, centres and depths d0 of the spheres, and the support
     # with its deflection w0 and the power `row` of its force on each coordinate.
@@ -107,37 +107,37 @@ def step(
         mass_matrix(tree, motion, free, dofs.above, dofs.counts, workspace.M)
     cholesky(workspace.M, workspace.L)
 
-    # Newton's method from v = v0: solve A dx = -r with A = dr/dv, go to v + scale dx, until r^T M^-1 r, twice the
-    # kinetic energy of what is left, is small. In the first round dx is 0: it works out r at v0 alone.
-    dx[:, :] = 0.0
+    # Newton's method from v = v0: solve A dv = -r with A = dr/dv, go to v + length dv, until r^T M^-1 r, twice the
+    # kinetic energy of what is left, is small. In the first round dv is 0: it works out r at v0 alone.
+    dv[:, :] = 0.0
     copy(v, trial)
     _velocities(tree.links, motion.S, trial, contact.V)
     slope0, converged, iterations = 0.0, False, 0
     while iterations < MAX_ITERATIONS:
         iterations += 1
 
-        # Line search on the slope dx . r(v + scale dx), which is slope0 < 0 at scale 0. Still steeper there: further.
+        # Line search on the slope dv . r(v + length dv), which is slope0 < 0 at length 0. Still steeper there: further.
         # Uphill by more than OVERSHOOT: back to where the chord between both slopes vanishes, by 0.1 to 0.9.
-        scale = 1.0
+        length = 1.0
         for _ in range(MAX_TRIALS):
             for i in range(nf):
-                trial[free[i]] = v[free[i]] + scale * dx[i, 0]
+                trial[free[i]] = v[free[i]] + length * dv[i, 0]
             _residual(h, tree.links, forces, dofs, workspace, deflection, ground_rate, q, sites, support)
             converged = scaled_norm(workspace.L, r, workspace.y) <= workspace.tolerance
             slope = 0.0
             for i in range(nf):
-                slope += dx[i, 0] * r[i]
-            if slope < slope0 and scale >= 1.0 and not converged:
-                scale *= LENGTHEN
+                slope += dv[i, 0] * r[i]
+            if slope < slope0 and length >= 1.0 and not converged:
+                length *= LENGTHEN
             elif converged or slope0 >= 0.0 or slope <= OVERSHOOT * -slope0:
                 break
             else:
-                scale *= min(max(slope0 / (slope0 - slope), 0.1), 0.9)
+                length *= min(max(slope0 / (slope0 - slope), 0.1), 0.9)
         copy(trial, v)
         if converged:
             break
 
-        # The next direction: from EXACT_FROM on with the friction curve as it is if that descends, dx . r < 0, else
+        # The next direction: from EXACT_FROM on with the friction curve as it is if that descends, dv . r < 0, else
         # with its falling branch flat. If neither descends (slope0 >= 0) the next step is taken whole.
         slope0 = 0.0
         for least_slope in (EXACT, FLAT):
@@ -145,11 +145,11 @@ def step(
                 continue
             tangent_matrix(h, tree, forces, dofs, workspace, least_slope, sites)
             for i in range(nf):
-                dx[i, 0] = -r[i]
-            solve_columns(workspace.A, dx)
+                dv[i, 0] = -r[i]
+            solve_columns(workspace.A, dv)
             slope0 = 0.0
             for i in range(nf):
-                slope0 += dx[i, 0] * r[i]
+                slope0 += dv[i, 0] * r[i]
             if slope0 < 0.0:
                 break
 
@@ -200,7 +200,7 @@ def _residual(
     copy(workspace.applied, tau)
     add_springs(h, trial, q, forces, tau, workspace.springs)
     if forces.fulcrum[0] > 0.0:
-        add_support(h, trial, forces, deflection, contact.row, tau, support)
+        add_support(h, trial, forces, deflection, contact.support_jacobian, tau, support)
     for k in range(moving.shape[0] - 1, -1, -1):
         parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
         if c >= 0 and dofs.place[c] >= 0:
@@ -245,7 +245,8 @@ def tangent_matrix(
         if i >= 0:
             A[i, i] += h * workspace.springs[k]
     if forces.fulcrum[0] > 0.0:
-        gain, row, keel = h * (h * forces.fulcrum[0] + forces.fulcrum[1]), contact.row, forces.keel_coordinates
+        gain, row = h * (h * forces.fulcrum[0] + forces.fulcrum[1]), contact.support_jacobian
+        keel = forces.keel_coordinates
         for a in range(keel.shape[0]):
             i = dofs.place[keel[a]]
             if i >= 0 and row[keel[a]] != 0.0:
@@ -264,36 +265,36 @@ def _loads(
 
     load = C v0 - tau_g + M (v - v0) / h - (tau - applied) - S_c . F: what the equations of motion leave to the drive.
     """
-    motion, F, delta, S = workspace.motion, workspace.contact.F, workspace.delta, workspace.motion.S
+    motion, F, dA, S = workspace.motion, workspace.contact.F, workspace.dA, workspace.motion.S
 
     # F of all that each body carries, also where nothing free moves it.
     for k in range(dofs.still.shape[0] - 1, -1, -1):
         add(F, tree.links[dofs.still[k], 1], six(F, tree.links[dofs.still[k], 2]))
 
     # Inverse dynamics so far has a = 0 in the free coordinates. Their (v - v0) / h add to it: M a if M is given, else
-    # delta_b = delta_parent + S_c a_c to the accelerations and I_b delta_b, summed inwards, to the forces.
+    # dA_b = dA_parent + S_c a_c to the accelerations and I_b dA_b, summed inwards, to the forces.
     if given:
         for c in range(v.shape[0]):
             load[c] = workspace.bias[c]
             for k in range(dofs.free.shape[0]):
                 load[c] += M[c, dofs.free[k]] * (v[dofs.free[k]] - workspace.v0[dofs.free[k]]) / h
     else:
-        delta[:] = 0.0
+        dA[:] = 0.0
         for k in range(dofs.moving.shape[0]):
             m = dofs.moving[k]
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-            change = six(delta, parent) if dofs.body_moves[parent] else REST
+            change = six(dA, parent) if dofs.body_moves[parent] else REST
             if c >= 0 and dofs.place[c] >= 0:
                 change = plus(change, six(S, c), (v[c] - workspace.v0[c]) / h)
-            put(delta, b, change)
+            put(dA, b, change)
             add(motion.A, b, change)
         for k in range(dofs.moving.shape[0]):
             b = tree.links[dofs.moving[k], 2]
-            put(delta, b, inertia_times(motion.own, b, six(delta, b)))
+            put(dA, b, inertia_times(motion.own, b, six(dA, b)))
         for m in range(tree.links.shape[0] - 1, -1, -1):
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-            add(motion.f, b, six(delta, b))
-            add(delta, parent, six(delta, b))
+            add(motion.f, b, six(dA, b))
+            add(dA, parent, six(dA, b))
             if c >= 0:
                 load[c] = dot(six(S, c), six(motion.f, b))
 

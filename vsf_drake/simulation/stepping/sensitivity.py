@@ -3,10 +3,9 @@
 If a parameter changes the state at the start of a step by (dq0, dv0), and the end velocity of prescribed directions by
 du, that of the free ones changes by dv, where
 
-    A dv = -h ( Gq dq0 + Gv dv0 + E - dtau ) - B du,        dq = dq0 + h dv
+    A dv = -h ( Gq dq0 + Gv dv0 + E ) - B du,        dq = dq0 + h dv
 
-with A the tangent of Newton's method, friction's falling branch included, Gq, Gv, B, E from `linearise`, and dtau what
-the state at the start of the whole step changes in the applied torques. A constant
+with A the tangent of Newton's method, friction's falling branch included, and Gq, Gv, B, E from `linearise`. A constant
 shift has dv0 = du = 0; a perturbation has the mean velocity of the step, as the coordinate that it moves. That is
 exact for the numerical solution, up to where a sphere touches down or a law has a corner: the instant at
 which that happens is not differentiated, its step is.
@@ -53,6 +52,7 @@ from vsf_drake.simulation.stepping.tree import (
     TreeArrays,
     add,
     add_column,
+    add_composite,
     cross_force,
     cross_motion,
     dot,
@@ -67,7 +67,7 @@ from vsf_drake.simulation.stepping.tree import (
 )
 
 if TYPE_CHECKING:
-    from vsf_drake.simulation.stepping.stepper import Record, Torques
+    from vsf_drake.simulation.stepping.stepper import Record
 
 
 @internal
@@ -92,10 +92,10 @@ def carry(
             there = directions.path[k, e] + end_share * (there - directions.path[k, e])
         end[j, p] = (there - tangent.q[j, p]) / h
 
-    # Solve A dv = h (dtau - E) - h Gq dq0 - h Gv dv0 - B du for the free directions.
+    # Solve A dv = -h (E + Gq dq0 + Gv dv0) - B du for the free directions.
     for i in range(nf):
         for p in range(P):
-            rhs[i, p] = h * (tangent.torque[i, p] - tangent.E[i, p])
+            rhs[i, p] = -h * tangent.E[i, p]
         for j in range(C):
             by_q, by_v, by_end = -h * tangent.Gq[i, j], -h * tangent.Gv[i, j], -tangent.B[i, j] if j >= nf else 0.0
             for p in range(P):
@@ -113,8 +113,8 @@ def carry(
         b = directions.body[j]
         if tangent.touched[b]:
             S = six(tangent.S, j)
-            K_S = times(tangent.out_K, b, S)
-            P_S = plus(times(tangent.out_shift, b, S), times(tangent.out_K, b, six(tangent.end, j)), -1.0)
+            K_S = times(tangent.measured_K, b, S)
+            P_S = plus(times(tangent.measured_shift, b, S), times(tangent.measured_K, b, six(tangent.end, j)), -1.0)
             for i in range(6):
                 for p in range(P):
                     wrench[i, p] += P_S[i] * tangent.q[j, p] - K_S[i] * end[j, p]
@@ -138,19 +138,14 @@ def carry(
 
 
 @internal
-def write_state(k: int, torques: Torques, dofs: FreePrescribed, directions: TangentDirections, tangent: Tangent,
-                record: Record) -> None:
-    """Writes the derivatives of the state at the end of step k, and of the torques that were applied over it."""
+def write_state(k: int, directions: TangentDirections, tangent: Tangent, record: Record) -> None:
+    """Writes the derivatives of the state at the end of step k."""
     for j in range(directions.body.shape[0]):
         c = directions.coordinate[j]
         if c >= 0:
             for p in range(directions.unit.shape[1]):
                 record.q_by[k, c, p] = tangent.q[j, p]
                 record.v_by[k, c, p] = tangent.v[j, p]
-    for i in range(torques.coordinates.shape[0]):
-        c = torques.coordinates[i]
-        for p in range(directions.unit.shape[1]):
-            record.load_by[k, c, p] = tangent.torque[dofs.place[c], p]
 
 
 # Parameters whose sensitivities a run carries along, and how the state at its start depends on them.
@@ -216,24 +211,6 @@ def rest_sensitivity(
     shifted = directions.coordinate[count:] >= 0
     np.add.at(by, directions.coordinate[count:][shifted], directions.unit[count:][shifted])
     return by
-
-
-@internal
-def differentiate_torques(k: int, torques: Torques, place: np.ndarray, tangent: Tangent) -> None:
-    """Writes the derivatives of the forces of step k to `tangent.torque` (f, P); place (n,): see
-    `assembly.FreePrescribed`.
-
-    dtau = -gain (dq, dv) of the sensed coordinates at the step's start.
-    """
-    s = torques.sensed.shape[0]
-    for i in range(torques.coordinates.shape[0] if s > 0 else 0):
-        row = place[torques.coordinates[i]]
-        for p in range(tangent.torque.shape[1]):
-            value = 0.0
-            for j in range(s):
-                c = place[torques.sensed[j]]
-                value -= torques.gain[k, i, j] * tangent.q[c, p] + torques.gain[k, i, s + j] * tangent.v[c, p]
-            tangent.torque[row, p] = value
 
 
 # Exact derivatives of one step's equations, compiled.
@@ -319,9 +296,7 @@ def _coriolis(tree: TreeArrays, dofs: FreePrescribed, motion: Motion, tangent: T
     for k in range(dofs.moving.shape[0] - 1, -1, -1):
         parent, b = tree.links[dofs.moving[k], 1], tree.links[dofs.moving[k], 2]
         if dofs.body_moves[parent]:
-            for i in range(6):
-                for j in range(6):
-                    C[parent, i, j] += C[b, i, j]
+            add_composite(C, parent, b)
 
 
 @internal
@@ -439,8 +414,8 @@ def _add_site_tangents(
     for m in range(links.shape[0]):
         b = links[m, 2]
         tangent.touched[b] = False
-        tangent.out_shift[b, :, :] = 0.0
-        tangent.out_K[b, :, :] = 0.0
+        tangent.measured_shift[b, :, :] = 0.0
+        tangent.measured_K[b, :, :] = 0.0
         tangent.dF[b, :, :] = 0.0
     tangent.touched[0] = False
     for k in range(moving.shape[0]):
@@ -457,17 +432,13 @@ def _add_site_tangents(
         if not tangent.touched[b]:
             continue
         tangent.touched[parent] = True
-        for i in range(6):
-            for j in range(6):
-                tangent.out_shift[parent, i, j] += tangent.out_shift[b, i, j]
-                tangent.out_K[parent, i, j] += tangent.out_K[b, i, j]
+        add_composite(tangent.measured_shift, parent, b)
+        add_composite(tangent.measured_K, parent, b)
         for p in range(tangent.dF.shape[1]):
             for i in range(6):
                 tangent.dF[parent, p, i] += tangent.dF[b, p, i]
         if dofs.body_moves[parent]:
-            for i in range(6):
-                for j in range(6):
-                    tangent.shift[parent, i, j] += tangent.shift[b, i, j]
+            add_composite(tangent.shift, parent, b)
 
 
 @internal
@@ -487,6 +458,7 @@ def _site(
     # mu / V from the recorded friction; 0 without slip, where every term has the factor v.
     ratio = -fx / (fn * vx) if abs(vx) > abs(vy) else (-fy / (fn * vy) if vy != 0.0 else 0.0)
     by_depth = contact.elastic[s]
+    along_x, along_y = ratio * vx * by_depth, ratio * vy * by_depth
     K = site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
 
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
@@ -504,17 +476,17 @@ def _site(
         ux = sy * vz - sz * vy + radius * (wz * sx)
         uy = sz * vx - sx * vz + radius * (wz * sy)
         uz = sx * vy - sy * vx - radius * (wx * sx + wy * sy)
-        gx, gy, gz = _force_change(K, ratio * vx * by_depth, ratio * vy * by_depth, by_depth, ux, uy, uz, cz)
+        gx, gy, gz = site_force_derivative(K, along_x, along_y, by_depth, ux, uy, uz, cz)
         add_column(tangent.shift, b, i, moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
         if measured:
-            add_column(tangent.out_shift, b, i, moved_wrench(
+            add_column(tangent.measured_shift, b, i, moved_wrench(
                 x1, y1, z1, gx, gy, gz, fx, fy, fn,
                 cx + h * (sy * vz - sz * oy), cy + h * (sz * ox - sx * vz), cz + h * uz))
 
             # Velocity u of the body: -K u, and the point's way over the step.
             ux, uy, uz = lx + sy * z - sz * y, ly + sz * x - sx * z, lz + sx * y - sy * x
-            gx, gy, gz = _force_change(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
-            add_column(tangent.out_K, b, i, moved_wrench(
+            gx, gy, gz = site_force_derivative(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
+            add_column(tangent.measured_K, b, i, moved_wrench(
                 x1, y1, z1, -gx, -gy, -gz, fx, fy, fn,
                 -h * (lx + sy * top - sz * y), -h * (ly + sz * x - sx * top), -h * uz))
 
@@ -526,12 +498,12 @@ def _site(
             R = workspace.motion.R
             cx, cy, cz = unit * R[b, 0, 2], unit * R[b, 1, 2], unit * R[b, 2, 2]
             ux, uy, uz = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
-            gx, gy, gz = _force_change(K, ratio * vx * by_depth, ratio * vy * by_depth, by_depth, ux, uy, uz, cz)
+            gx, gy, gz = site_force_derivative(K, along_x, along_y, by_depth, ux, uy, uz, cz)
         elif column >= MU_STATIC:
-            change = -unit * fn * _friction_change(forces.sites, s, column, math.sqrt(vx * vx + vy * vy))
+            change = -unit * fn * _friction_derivative(forces.sites, s, column, math.sqrt(vx * vx + vy * vy))
             gx, gy, gz = change * vx, change * vy, 0.0
         else:
-            gz = unit * _normal_change(forces.sites, s, column, sites[s, 0], sites[s, 4])
+            gz = unit * _normal_derivative(forces.sites, s, column, sites[s, 0], sites[s, 4])
             gx, gy = -ratio * vx * gz, -ratio * vy * gz  # friction is in proportion to the normal force
         add(tangent.dF[b], p, moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
         if measured:
@@ -540,7 +512,7 @@ def _site(
 
 
 @internal
-def _force_change(
+def site_force_derivative(
     K: Six, along_x: float, along_y: float, by_depth: float, ux: float, uy: float, uz: float, rise: float
 ) -> Three:
     """Of a site whose velocity changes by u and which rises: friction `along` goes with the normal force."""
@@ -550,7 +522,7 @@ def _force_change(
 
 
 @internal
-def _normal_change(site: np.ndarray, s: int, column: int, depth: float, rate: float) -> float:
+def _normal_derivative(site: np.ndarray, s: int, column: int, depth: float, rate: float) -> float:
     """Derivative of the normal force k d^n + ramp(d / full) damping rate (closing alone) by one of its constants.
 
     With u = d / full up to 1:  ramp = u^2 (3 - 2 u),  d ramp / d full = -6 u^2 (1 - u) / full.
@@ -572,7 +544,7 @@ def _normal_change(site: np.ndarray, s: int, column: int, depth: float, rate: fl
 
 
 @internal
-def _friction_change(site: np.ndarray, s: int, column: int, speed: float) -> float:
+def _friction_derivative(site: np.ndarray, s: int, column: int, speed: float) -> float:
     """Derivative of mu(V) / V (s/m) by one of the friction law's constants (`laws.scalar.friction_per_speed`).
 
     mu = mu_static V / threshold up to the threshold, mu_kinetic from 1.5 of it, and straight between, where `share` is

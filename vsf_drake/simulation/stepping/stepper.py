@@ -37,7 +37,7 @@ from vsf_drake.simulation.stepping.assembly import (
 )
 from vsf_drake.simulation.stepping.directions import ParameterTangent, Tangent, TangentDirections
 from vsf_drake.simulation.stepping.newton import copy, step
-from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, carry, differentiate_torques, write_state
+from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, carry, write_state
 from vsf_drake.simulation.stepping.tree import Tree, TreeArrays, tree_arrays, tree_of
 
 CHUNK = 32  # steps between looks for progress and interruption
@@ -124,8 +124,8 @@ class Stepper:
         """
         m, steps = self.mechanism, len(inputs.time_s) - 1
         forces, drive = m.forces, drive_of(inputs)
-        if forward is not None and self.dynamics != "compiled":
-            raise ValueError("sensitivities need the compiled dynamics")
+        if forward is not None and (self.dynamics != "compiled" or inputs.torques is not None):
+            raise ValueError("sensitivities need the compiled dynamics, and no torques")
         record = _empty_record(drive, q0, v0, sites=len(m.sites), forward=forward)
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
         dofs = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
@@ -226,7 +226,6 @@ class Record(NamedTuple):
     iterations: np.ndarray  # (n,) of Newton's method
     parts: np.ndarray  # (n,) substeps that the step was cut into, 1 if it converged at once
     converged: np.ndarray  # (n,) whether all of its substeps did
-    applied: np.ndarray  # (n, c) torques on free coordinates
     wrench_by: np.ndarray
     """(n, 6, P) derivatives of the measured sites' wrench, moment about W's origin at the ground's height, then force;
     P = 0 where none are carried."""
@@ -251,8 +250,7 @@ def _empty_record(
     steps, n, P = len(drive.time_s) - 1, len(q0), 0 if forward is None else len(forward.tangents)
     state = (steps if forward is not None and forward.loads else 0, n, P)
     shapes = {"q": (steps, n), "v": (steps, n), "load": (steps, n), "sites": (steps, sites, len(SITE_RECORD)),
-              "fulcrum": (steps, 3), "applied": (steps, len(drive.torques.coordinates)), "wrench_by": (steps, 6, P),
-              "load_by": state, "q_by": state, "v_by": state}
+              "fulcrum": (steps, 3), "wrench_by": (steps, 6, P), "load_by": state, "q_by": state, "v_by": state}
     return Record(
         time_s=drive.time_s[1:].copy(), q0=np.array(q0), v0=np.array(v0), iterations=np.zeros(steps, dtype=np.int64),
         parts=np.zeros(steps, dtype=np.int64), converged=np.zeros(steps, dtype=np.bool_),
@@ -343,9 +341,7 @@ def advance(
         record.load[k] = 0.0
 
         # Torques that are held over the whole step come from the state at its start.
-        sample_torques(k, drive.torques, q, v, workspace.applied, record.applied[k])
-        if directions is not None and tangent is not None:
-            differentiate_torques(k, drive.torques, dofs.place, tangent)
+        sample_torques(k, drive.torques, q, v, workspace.applied)
 
         # One step of h, or substeps of it: a substep that does not converge is taken back and halved.
         while done < PARTS:
@@ -372,7 +368,7 @@ def advance(
                 copy(q0, q)
                 copy(v0, v)
         if directions is not None and tangent is not None and record.load_by.shape[0] > 0:
-            write_state(k, drive.torques, dofs, directions, tangent, record)
+            write_state(k, directions, tangent, record)
         copy(q, record.q[k])
         copy(v, record.v[k])
         c = diverged(q, v, max_speed)
@@ -406,10 +402,8 @@ def no_torques(steps: int) -> Torques:
 
 
 @compiled
-def sample_torques(
-    k: int, torques: Torques, q: np.ndarray, v: np.ndarray, force: np.ndarray, row: np.ndarray
-) -> None:
-    """Writes the forces of step k from the state q, v (n,) at its start to `force` (n,) and to `row` (c,)."""
+def sample_torques(k: int, torques: Torques, q: np.ndarray, v: np.ndarray, force: np.ndarray) -> None:
+    """Writes the forces of step k from the state q, v (n,) at its start to `force` (n,)."""
     s = torques.sensed.shape[0]
     for i in range(torques.coordinates.shape[0]):
         value = torques.feedforward[k, i]
@@ -418,4 +412,3 @@ def sample_torques(
             value -= torques.gain[k, i, j] * (q[c] - torques.reference[k, j])
             value -= torques.gain[k, i, s + j] * (v[c] - torques.reference[k, s + j])
         force[torques.coordinates[i]] = value
-        row[i] = value

@@ -271,6 +271,14 @@ def add_column(K: np.ndarray, b: int, i: int, a: Six) -> None:
 
 
 @internal
+def add_composite(K: np.ndarray, parent: int, b: int) -> None:
+    """Adds K[b] of an array (n, 6, 6) to K[parent]: what a body carries, a joint inboard of it moves too."""
+    for i in range(6):
+        for j in range(6):
+            K[parent, i, j] += K[b, i, j]
+
+
+@internal
 def wrench(x: float, y: float, z: float, fx: float, fy: float, fz: float) -> Six:
     """Of a force f at a point p: (p x f, f)."""
     return y * fz - z * fy, z * fx - x * fz, x * fy - y * fx, fx, fy, fz
