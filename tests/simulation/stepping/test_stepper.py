@@ -249,7 +249,7 @@ def test_whole_stance_is_the_same(walker, motion):
 
 @pytest.mark.parametrize("name", ["landing", "lost"])
 def test_walk_with_steps_that_are_cut_is_the_same(name):
-    walk = walked(name)
+    walk = cut_walk(name)
     inputs, record = inputs_of(walk, hard_walker(SETTINGS[name][0])[0]), walk.record
     compiled, drake = both(walk.mechanism, inputs, record.q0, record.v0)
     assert compiled.converged.all() == (name != "lost")
