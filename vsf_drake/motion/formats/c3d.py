@@ -30,7 +30,6 @@ LOADED_N, FAR_M = 50.0, 0.3
 """A centre of pressure this far off a plate that carries so much is not on it, whatever the noise."""
 SMALLEST_M2 = 1e-3
 _BLOCK = 512
-_CHUNK = 1 << 20  # bytes of the file that are converted at a time
 _INTEL, _DEC, _MIPS = 84, 85, 86
 _SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes of each type of parameter: text, 8-bit and 16-bit integers, 32-bit floats
 _CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}  # analog channels of each type of plate
@@ -149,9 +148,9 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
         matrices = np.atleast_3d(c3d.values("FORCE_PLATFORM:CAL_MATRIX"))
         calibrated = matrices.ndim == 3 and min(matrices.shape[:2]) >= 6 and matrices.shape[2] > i
         notes += [] if calibrated else say("files", "no_calibration", plate=i + 1)
-        for chunk in units.chunks(len(raw) if calibrated else 0, raw.shape[1]):
+        if calibrated:
             with np.errstate(invalid="ignore", over="ignore"):
-                raw[chunk] = raw[chunk] @ matrices[:6, :6, i].T
+                raw = raw @ matrices[:6, :6, i].T
     if not (raw.max(initial=0.0) < LARGEST and raw.min(initial=0.0) > -LARGEST):
         raise InputError("an analog sample is not a believable number", file=c3d.path, where=f"force plate {i + 1}")
     stated = c3d.all_texts("ANALOG:UNITS")
@@ -163,14 +162,8 @@ def _read_plate(c3d: _C3d, i: int, length_m: float, notes: list[str]) -> RawPlat
     choice = next((choice for choice in choices if _on_plate(kind, raw, origin, choice, half)), unit)
     if choice != unit:
         notes += say("files", "other_moments", plate=i + 1, used=choice, stated=unit)
-    force, torque = np.empty((len(raw), 3)), np.empty((len(raw), 3))
-    point = np.empty((len(raw), 3)) if kind == 1 else centre.copy()
-    for chunk in units.chunks(len(raw), raw.shape[1]):
-        f, p, t = _load(kind, raw[chunk], origin, choice)
-        force[chunk], torque[chunk] = f @ axes.T, t @ axes.T
-        if kind == 1:
-            point[chunk] = p @ axes.T + centre
-    return RawPlate(str(i + 1), force, point, torque, corners=corners)
+    force, point, torque = (vectors @ axes.T for vectors in _load(kind, raw, origin, choice))
+    return RawPlate(str(i + 1), force, point + centre if kind == 1 else centre, torque, corners=corners)
 
 
 def _load(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -193,14 +186,11 @@ def _load(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float) -> tuple[
 
 def _on_plate(kind: int, raw: np.ndarray, origin: np.ndarray, unit: float, half: np.ndarray) -> bool:
     """Whether most loaded samples press near the plate, of half sizes (2,) m; True where it is not loaded."""
-    off = [np.empty((0, 2))]
-    for chunk in units.chunks(len(raw), raw.shape[1]):
-        force, point, torque = _load(kind, raw[chunk], origin, unit)
-        on = np.abs(force[:, 2]) > LOADED_N
-        f, t = force[on], torque[on]
-        off.append(np.abs(point[on, :2] + np.column_stack([-t[:, 1], t[:, 0]]) / f[:, 2:3]))
-    distance = np.concatenate(off)
-    return not len(distance) or bool((np.median(distance, axis=0, overwrite_input=True) < half + FAR_M).all())
+    force, point, torque = _load(kind, raw, origin, unit)
+    on = np.abs(force[:, 2]) > LOADED_N
+    f, t = force[on], torque[on]
+    off = np.abs(point[on, :2] + np.column_stack([-t[:, 1], t[:, 0]]) / f[:, 2:3])
+    return not len(off) or bool((np.median(off, axis=0) < half + FAR_M).all())
 
 
 def _of_plate(c3d: _C3d, name: str, i: int, size: int) -> np.ndarray:
@@ -398,23 +388,18 @@ class _C3d:
         return (ends[0], ends[1]) if 0 < ends[0] <= ends[1] else None
 
     def read_points(self, points: list[int], *, length_m: float) -> np.ndarray:
-        """(frames, len(points), 3) m of the points asked for (from 0); each point's path lies in one piece.
+        """(frames, len(points), 3) m of the points asked for (from 0).
 
         NaN where the residual is negative, or all three numbers are zero.
         """
         scale = 1.0 if self._are_floats else abs(self._scale or self.number("POINT:SCALE") or 1.0)
-        wanted = slice(None) if points == list(range(self.points)) else points
-        out = np.empty((len(points), self.frames, 3)).transpose(1, 0, 2)
-        for rows, block in self._chunks():
-            words = block[:, :4 * self.points].reshape(len(block), self.points, 4)[:, wanted]
-            with np.errstate(invalid="ignore"):
-                place = words[..., :3].astype(float)
-            unseen = ~(np.abs(place) < LARGEST).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(words[..., 3] >= 0.0)
-            place[unseen] = np.nan
-            place *= scale
-            place *= length_m
-            out[rows] = place
-        return out
+        words = self._numbers()[:, :4 * self.points].reshape(self.frames, self.points, 4)[:, points]
+        with np.errstate(invalid="ignore"):
+            place = words[..., :3].astype(float)
+        place[~(np.abs(place) < LARGEST).all(axis=-1) | (place == 0.0).all(axis=-1) | ~(words[..., 3] >= 0.0)] = np.nan
+        place *= scale
+        place *= length_m
+        return place
 
     def read_analog(self, channels: list[int]) -> np.ndarray:
         """(samples, len(channels)) of the channels asked for (from 0), in their own units."""
@@ -424,26 +409,18 @@ class _C3d:
         offsets = self._per_channel("ANALOG:OFFSET", channels, 0.0)
         if unsigned:
             offsets = np.where(offsets < 0.0, offsets + 65536.0, offsets)
-        out = np.empty((self.frames * self.subframes, len(channels)))
-        for rows, block in self._chunks(signed=not unsigned):
-            samples = block[:, 4 * self.points:].reshape(-1, self.channels)[:, channels]
-            with np.errstate(invalid="ignore", over="ignore"):
-                out[rows.start * self.subframes:rows.stop * self.subframes] = (samples - offsets) * scales
-        return out
+        samples = self._numbers(signed=not unsigned)[:, 4 * self.points:].reshape(-1, self.channels)[:, channels]
+        with np.errstate(invalid="ignore", over="ignore"):
+            return np.asarray((samples - offsets) * scales)
 
     def _per_channel(self, name: str, channels: list[int], default: float) -> np.ndarray:
         value = np.concatenate([self.values(part).ravel(order="F") for part in self._parts(name)])
         return np.array([value[c] if c < len(value) else default for c in channels])
 
-    def _chunks(self, *, signed: bool = True) -> Iterator[tuple[slice, np.ndarray]]:
-        """Slices of the frames with their numbers (frames, words)."""
-        step = max(1, _CHUNK // self._frame_bytes)
+    def _numbers(self, *, signed: bool = True) -> np.ndarray:
+        """(frames, words) as they stand in the file."""
         with open(self.path, "rb") as stream:
             stream.seek(self._start)
-            for first in range(0, self.frames, step):
-                last = min(first + step, self.frames)
-                data = stream.read((last - first) * self._frame_bytes)
-                if len(data) != (last - first) * self._frame_bytes:
-                    raise InputError("ends before its last frame", file=self.path, right="Is the file truncated?")
-                numbers = self._floats(data) if self._are_floats else self._integers(data, signed=signed)
-                yield slice(first, last), numbers.reshape(last - first, self._words)
+            data = stream.read(self.frames * self._frame_bytes)
+        numbers = self._floats(data) if self._are_floats else self._integers(data, signed=signed)
+        return numbers.reshape(self.frames, self._words)

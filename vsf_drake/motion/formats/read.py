@@ -13,7 +13,6 @@ from vsf_drake.motion.formats.c3d import c3d_labels, read_c3d
 from vsf_drake.motion.formats.forces import FORCE_FILES, read_forces
 from vsf_drake.motion.formats.recording import Plate, RawPlate, RawTrial, Recording, floor_load
 from vsf_drake.motion.formats.tables import read_trc, trc_labels
-from vsf_drake.motion.formats.units import chunks, turn
 from vsf_drake.sentences import say
 
 MARKER_FILES = (".c3d", ".trc")
@@ -127,32 +126,25 @@ def _join(trial: RawTrial, path: Path, force_path: Path, length_unit: str | None
 
 def _in_world(trial: RawTrial, path: Path, force_path: Path | None, *, up: str | None,
               forward: str | None) -> Recording:
-    notes, waiting, with_plates = trial.notes, trial.plates, bool(trial.plates)
+    notes = trial.notes
     rotation = _rotation_to_world(trial, path, up=up, forward=forward)
-    raw = []
-    while waiting:  # one plate at a time, so that memory holds no second copy of all
-        raw.append(_rotated(waiting.pop(0), rotation, force_path or path, notes))
+    raw = [_rotated(plate, rotation, force_path or path, notes) for plate in trial.plates]
     floor = _floor_height(raw, force_path or path)
     notes += say("files", "floor", height_m=floor) if floor else []
     for plate in raw:
         for points in (plate.point, plate.corners):
             if points is not None:
                 points[..., 2] -= floor
-    plates: list[Plate] = []
-    while raw:
-        plates.append(_on_the_floor(raw.pop(0), notes))
+    plates = [_on_the_floor(plate, notes) for plate in raw]
     notes += [note for one, other in combinations(plates, 2) if _overlap(one.corners_m, other.corners_m)
               for note in say("files", "overlap", one=one.name, other=other.name)]
     markers: dict[str, np.ndarray] = {}
     if trial.positions is not None:
         for label, path_W in zip(trial.labels, trial.positions.transpose(1, 0, 2), strict=True):
-            turn(path_W, rotation)
-            path_W[:, 2] -= floor
-            markers[label] = path_W
+            markers[label] = path_W @ rotation.T - [0.0, 0.0, floor]
     return Recording(path, markers, None if trial.positions is None else trial.marker_rate_hz, tuple(plates),
-                     trial.force_rate_hz if with_plates else None, trial.marker_start_s,
-                     (trial.force_start_s or 0.0) if with_plates else 0.0, force_path, rotation, tuple(notes),
-                     trial.person)
+                     trial.force_rate_hz if plates else None, trial.marker_start_s,
+                     (trial.force_start_s or 0.0) if plates else 0.0, force_path, rotation, tuple(notes), trial.person)
 
 
 # From a laboratory's axes to the world frame: which way is up, which way the person goes.
@@ -259,11 +251,9 @@ def _ahead(trial: RawTrial, vertical: np.ndarray) -> np.ndarray:
 
 
 def _rotated(plate: RawPlate, rotation_W: np.ndarray, path: Path, notes: list[str]) -> RawPlate:
-    """The plate in W, its force that on the person, mainly vertical; the arrays given are those changed."""
-    force, torque, point = plate.force, plate.torque, plate.point
-    for vectors in (force, torque, point):
-        if vectors is not None:
-            turn(np.atleast_2d(vectors), rotation_W)
+    """The plate in W, its force that on the person, mainly vertical."""
+    force, torque = plate.force @ rotation_W.T, plate.torque @ rotation_W.T
+    point = None if plate.point is None else plate.point @ rotation_W.T
     if plate.twist is not None:
         torque[:, 2] += plate.twist
     corners = None if plate.corners is None else plate.corners @ rotation_W.T
@@ -316,10 +306,7 @@ def _on_the_floor(plate: RawPlate, notes: list[str]) -> Plate:
         moment[loaded] = plate.torque[loaded, 2]
     else:
         point = np.broadcast_to(plate.point, plate.force.shape)
-        for chunk in chunks(len(vertical)):
-            on = loaded[chunk]
-            cop[chunk][on], moment[chunk][on] = floor_load(
-                point[chunk][on], plate.force[chunk][on], plate.torque[chunk][on])
+        cop[loaded], moment[loaded] = floor_load(point[loaded], plate.force[loaded], plate.torque[loaded])
         height = float(np.median(point[loaded, 2])) if loaded.any() else 0.0
     peak = vertical.max(initial=0.0)
     unloaded = vertical < (0.1 * peak if peak > STRONG_N else STRONG_N)

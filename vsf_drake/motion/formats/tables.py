@@ -27,7 +27,7 @@ from vsf_drake.files import replaced
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats import units as si
 from vsf_drake.motion.formats.recording import LARGEST, Plate, RawTrial, world_to_os
-from vsf_drake.motion.formats.units import chunks, even_rate, file_length_factor, first_of_each, without_prefix
+from vsf_drake.motion.formats.units import even_rate, file_length_factor, first_of_each, without_prefix
 from vsf_drake.sentences import say
 from vsf_drake.text_table import as_label, split_row, table_rows, text_lines
 
@@ -312,10 +312,8 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
         notes += say("files", "said", file=path.name, said=f"{stated:g} frames a second",
                      used=f"the times say {rate:.6g}, which was used")
     positions = table[:, 2:].reshape(len(table), len(labels), 3)
-    for chunk in chunks(len(positions), 3 * len(labels)):
-        some = positions[chunk]
-        some[~(abs(some) < LARGEST).all(axis=2)] = math.nan
-        some *= factor
+    positions[~(abs(positions) < LARGEST).all(axis=2)] = math.nan
+    positions *= factor
     first = first_of_each(labels, notes, lambda i: bool(np.isnan(positions[:, i]).any(axis=1).all()))
     if len(first) < len(labels):
         labels, positions = [labels[i] for i in first], positions[:, first]

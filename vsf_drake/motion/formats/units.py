@@ -15,7 +15,6 @@ from vsf_drake.sentences import say
 LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "dm": 1e-1, "in": 0.0254}  # metres in each unit of length
 _LONG = {"meter": "m", "metre": "m", "centimeter": "cm", "centimetre": "cm", "millimeter": "mm", "millimetre": "mm",
          "inch": "in", "inches": "in"}
-_CHUNK = 1 << 18
 
 
 def listed(labels: Sequence[str], *, most: int = 20) -> str:
@@ -82,19 +81,6 @@ def file_length_factor(stated: str, wanted: str | None, path: Path, where: str) 
         raise InputError(what, file=path, where=where,
                          right=f"Give laboratory.length_unit (--length-unit): {', '.join(LENGTHS_M)}")
     return factor
-
-
-def chunks(rows: int, width: int = 3) -> Iterator[slice]:
-    """Slices that cover `rows` rows of `width` numbers, 2 MB each."""
-    step = max(1, _CHUNK // width)
-    for first in range(0, rows, step):
-        yield slice(first, min(first + step, rows))
-
-
-def turn(vectors: np.ndarray, rotation: np.ndarray) -> None:
-    """Rotates vectors (n, 3) in place by a (3, 3) matrix."""
-    for chunk in chunks(len(vectors)):
-        vectors[chunk] = vectors[chunk] @ rotation.T
 
 
 # The time column of a recording: increasing, without gaps, and freed from rounding.
