@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
 
 from vsf_drake.motion.markers.calibration import prosthesis_of
-from vsf_drake.motion.markers.joints import Anatomy
 from vsf_drake.motion.markers.segments import FootPoints
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.anthropometry import Body
@@ -190,9 +190,8 @@ def test_measuring_the_built_prosthesis_gives_back_its_numbers(side):
     bodies = {name: plant.GetBodyByName(name) for name in (f"thigh_{side}", f"shank_{side}")}
     bodies[f"foot_{side}"] = person.foot.frame
     poses = {name: body.EvalPoseInWorld(context) for name, body in bodies.items()}
-    anatomy = Anatomy(R_W={name: pose.rotation().matrix()[None] for name, pose in poses.items()},
-                      p_W={name: pose.translation()[None] for name, pose in poses.items()},
-                      lengths_m={}, method=(), notes=())
+    anatomy = SimpleNamespace(R_W={name: pose.rotation().matrix()[None] for name, pose in poses.items()},
+                              p_W={name: pose.translation()[None] for name, pose in poses.items()})
     sole = sole_height(MODEL.foot)
     points = FootPoints(p_FHeel=np.array([0.0, 0.0, sole]), p_FToe=np.array([MODEL.foot.length_m, 0.0, sole]))
     measured = prosthesis_of(side, anatomy, points)

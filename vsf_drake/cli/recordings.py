@@ -10,19 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsf_drake.analysis.recording import EXPECTED
-from vsf_drake.cli.app import (
-    Contact,
-    OptionalOut,
-    Out,
-    Trials,
-    app,
-    fail,
-    path,
-    print_text,
-    progress,
-    read_trials,
-    say,
-)
+from vsf_drake.cli import app as cli
+from vsf_drake.cli.app import Contact, OptionalOut, Out, Trials, app, path, progress, read_trials
 from vsf_drake.errors import InputError, require
 
 if TYPE_CHECKING:  # it imports Drake
@@ -136,10 +125,10 @@ def check(trials: Trials, out: Out, contact: Contact = None) -> None:
 
 def _finish(kind: str, items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> None:
     """Says how good each trial is and which files could not be used; exit code 2 if there are any of these."""
-    print_text("recordings", items=items, expected=EXPECTED)
-    say(f"written to {out}; read {kind}.html first")
+    cli.print_text("recordings", items=items, expected=EXPECTED)
+    cli.say(f"written to {out}; read {kind}.html first")
     for file, why in failures.items():
-        fail(why if file in why else f"{file}: {why}")
+        cli.fail(why if file in why else f"{file}: {why}")
     if failures:
         sys.exit(InputError.exit_code)
 

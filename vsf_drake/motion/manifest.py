@@ -1,30 +1,4 @@
-"""The trial manifest: the one YAML file that describes a recording. Schema and its reading, no recordings.
-
-    subject: subject.yaml
-    kinematics: walk_ik.mot
-    forces: {file: walk_grf.mot, right: ground_force_r, left: ground_force_l}
-    prosthesis: {fulcrum_mm: 66}
-    window: {start_s: 0.4, end_s: 1.7}
-    kinematics_unit: degrees
-    belt_speed_m_per_s: 1.1
-    offsets: {height_mm: 2, fore_aft_mm: -5, alignment_deg: 1}
-    model: my_foot.yaml
-    name: subject 3, trial 7
-    synthetic: false
-
-Only the first four keys are required. Instead of `kinematics`, markers may be given:
-
-    markers: walk.c3d
-    standing: static.c3d
-    marker_map: plug_in_gait
-    hip_centre: harrington
-    marker_cutoff_hz: 6
-    already_filtered: false
-    laboratory: {up: z, forward: x, length_unit: mm}
-
-of which only `markers` is required; `forces` may then be left out, if the C3D has the plates. Paths are relative to
-the manifest's folder.
-"""
+"""The trial manifest: the one YAML file that describes a recording (see "A trial" in the README). No recordings."""
 
 from __future__ import annotations
 
@@ -106,7 +80,7 @@ class GeometricOffsets:
 
 @dataclass(frozen=True, kw_only=True)
 class Manifest:
-    """The keys of a trial manifest; see the module's example."""
+    """The keys of a trial manifest: joint angles or markers. Paths are relative to the manifest's folder."""
 
     subject: str
     kinematics: str | None = None

@@ -1,14 +1,8 @@
 """Which columns of a table (MOT, STO, CSV, Cortex) are which force plate, and in which unit.
 
-Columns of a plate, in any of these spellings (p a prefix, n a number or nothing):
-
-    OpenSim            p_vx p_vy p_vz  p_px p_py p_pz  and a torque named after p (ground_torque_r_x for
-                       ground_force_r)
-    OpenSim from C3D   fn_1 fn_2 fn_3  pn_1 pn_2 pn_3  mn_1 mn_2 mn_3
-    Cortex, others     FXn FYn FZn, Xn Yn Zn or COPXn COPYn COPZn or PXn PYn PZn, MXn MYn MZn or TZn
-    plate by name      FX_name, COPX_name, MX_name, or name_FX, name_COPX, name_MX
-
-The torque is that about the stated point. Where only MZ (or TZ) stands, it is the free moment about the vertical.
+Of a plate, in OpenSim's spelling (ground_force_r_vx, _px, ground_torque_r_x), that of its C3D adapter (f1_1, p1_1,
+m1_1), or of others (FX1, COPX1 or X1 or PX1, MX1 or TZ1; a name for the number, behind or before). The torque is that
+about the stated point; MZ (or TZ) alone is the free moment about the vertical.
 """
 
 from __future__ import annotations

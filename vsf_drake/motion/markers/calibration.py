@@ -51,7 +51,7 @@ def calibrate(
     seen = [label for label, x in standing.markers.items() if np.isfinite(x).all(axis=1).any()]
     posture = standing_of.find_posture(standing, marker_map.find(seen, standing.path))
     _check_labels(posture, standing.path)
-    anatomy = joints.find_anatomy(posture, person, hip)
+    anatomy = Anatomy(posture, person, hip)
     segments = {name: _segment(name, posture, anatomy) for name in SEGMENTS}
     feet = {side: _foot_points(side, segments[f"foot_{side}"], posture, anatomy, person) for side in SIDES}
     lengths = _lengths(segments, feet, anatomy)
@@ -81,12 +81,12 @@ def calibrate(
     pairs = [(name.replace("_", " "), 1e3 * lengths[f"{name}_right"], 1e3 * lengths[f"{name}_left"])
              for name in ("thigh", "shank", "ankle_height", "foot")]
     notes = [*(note for note in standing.notes if note == NOTE), *posture.notes,
-             *say("markers", "hidden", labels=hidden), *anatomy.notes, *mass_notes, *height_notes]
+             *say("markers", "hidden", labels=hidden), *dict.fromkeys(anatomy.notes), *mass_notes, *height_notes]
     for name, right, left in pairs:
         if abs(right - left) > UNEQUAL * max(right, left):
             notes += say("markers", "unequal", name=name, right=right, left=left)
     method = (*say("markers", "stretch", still=posture.still, start_s=posture.start_s, end_s=posture.end_s),
-              *anatomy.method,
+              *dict.fromkeys(anatomy.method),
               *say("markers", "lengths", pairs=pairs, load_n=load, source=source, longer_m=more))
     angles = np.nanmedian(joints.coordinates_of(anatomy.R_W, anatomy.p_W["pelvis"]), axis=0)
     return Calibration(unloaded, segments, feet, dict(zip(COORDINATES, angles.tolist(), strict=True)), lengths, method,

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,59 +28,43 @@ from vsf_drake.parameters import PELVIS_COORDINATES, leg_coordinates
 from vsf_drake.sentences import say
 
 
-@dataclass(frozen=True, eq=False)
 class Anatomy:
-    """Frames in W over the n frames of a posture."""
+    """Frames in W over the n frames of a posture, made from pelvis to feet; `hip` is one of `HIP_METHODS`."""
 
-    R_W: dict[str, np.ndarray]  # (n, 3, 3) by segment; the feet's are NaN where they are not flat
-    p_W: dict[str, np.ndarray]  # (n, 3) m
-    lengths_m: dict[str, float]  # pelvis_width, pelvis_depth, leg_length, as the hip regression took them
-    method: tuple[str, ...]
-    notes: tuple[str, ...]
-
-
-def find_anatomy(posture: Posture, person: PersonFacts, hip: str) -> Anatomy:
-    """The segments' frames, from pelvis to feet; `hip` is one of `joints.HIP_METHODS`."""
-    made = _Builder(posture, person)
-    lengths = made.pelvis(hip)
-    up = np.array([0.0, 0.0, 1.0])
-    for side in SIDES:
-        hip_centre = made.p[f"thigh_{side}"]
-        knee, knee_axis = made.joint("knee", side, hip_centre, made.R["pelvis"][..., :, 1])
-        made.R[f"thigh_{side}"], made.p[f"shank_{side}"] = frame_from(hip_centre - knee, knee_axis), knee
-        ankle, ankle_axis = made.joint("ankle", side, knee, made.R[f"thigh_{side}"][..., :, 1])
-        made.R[f"shank_{side}"], made.p[f"foot_{side}"] = frame_from(knee - ankle, ankle_axis), ankle
-        along = posture.forefoot(side) - posture.needed(f"heel_{side}")
-        foot = frame_from(np.broadcast_to(up, along.shape), np.cross(up, along))
-        foot[~posture.foot_flat[side]] = np.nan
-        made.R[f"foot_{side}"] = foot
-    return Anatomy(made.R, made.p, lengths, tuple(dict.fromkeys(made.method)), tuple(dict.fromkeys(made.notes)))
-
-
-class _Builder:
-    """Goes down from pelvis to feet, keeping what it decided."""
-
-    def __init__(self, posture: Posture, person: PersonFacts) -> None:
-        self.posture, self.labelled, self.person = posture, posture.labelled, person
-        self.at, self.needed = posture.at, posture.needed
-        self.R: dict[str, np.ndarray] = {}
-        self.p: dict[str, np.ndarray] = {}
+    def __init__(self, posture: Posture, person: PersonFacts, hip: str) -> None:
+        """`R_W` (n, 3, 3) and `p_W` (n, 3) m by segment, the feet's R NaN where they are not flat; `lengths_m` as the
+        hip regression took them; `method` and `notes`, sentences."""
+        self.posture, self.person, self.at, self.needed = posture, person, posture.at, posture.needed
+        self.R_W: dict[str, np.ndarray] = {}
+        self.p_W: dict[str, np.ndarray] = {}
         self.method: list[str] = []
         self.notes: list[str] = []
+        self.lengths_m = self.pelvis(hip)
+        up = np.array([0.0, 0.0, 1.0])
+        for side in SIDES:
+            hip_centre = self.p_W[f"thigh_{side}"]
+            knee, knee_axis = self.joint("knee", side, hip_centre, self.R_W["pelvis"][..., :, 1])
+            self.R_W[f"thigh_{side}"], self.p_W[f"shank_{side}"] = frame_from(hip_centre - knee, knee_axis), knee
+            ankle, ankle_axis = self.joint("ankle", side, knee, self.R_W[f"thigh_{side}"][..., :, 1])
+            self.R_W[f"shank_{side}"], self.p_W[f"foot_{side}"] = frame_from(knee - ankle, ankle_axis), ankle
+            along = posture.forefoot(side) - posture.needed(f"heel_{side}")
+            foot = frame_from(np.broadcast_to(up, along.shape), np.cross(up, along))
+            foot[~posture.foot_flat[side]] = np.nan
+            self.R_W[f"foot_{side}"] = foot
 
     def pelvis(self, hip: str) -> dict[str, float]:
         asis_r, asis_l, back = self.needed("asis_right"), self.needed("asis_left"), self.posture.pelvis_back()
         if any(self.at(f"psis_{side}") is None for side in SIDES):
             self.notes += say("markers", "sacrum")
-        self.R["pelvis"], self.p["pelvis"] = pelvis_frame(asis_r, asis_l, back)
+        self.R_W["pelvis"], self.p_W["pelvis"] = pelvis_frame(asis_r, asis_l, back)
         width = float(np.nanmedian(np.linalg.norm(asis_r - asis_l, axis=-1)))
-        depth = float(np.nanmedian(np.linalg.norm(self.p["pelvis"] - back, axis=-1)))
+        depth = float(np.nanmedian(np.linalg.norm(self.p_W["pelvis"] - back, axis=-1)))
         leg = self.leg_length(hip)
         forward, up, lateral = hip_offset(
             hip, pelvis_width=width, pelvis_depth=depth, leg_length=leg, base_plate=1e-3 * self.person.base_plate_mm,
             marker_radius=1e-3 * self.person.marker_radius_mm)
         for side, out in (("right", -1.0), ("left", 1.0)):
-            self.p[f"thigh_{side}"] = self.p["pelvis"] + self.R["pelvis"] @ np.array([forward, out * lateral, up])
+            self.p_W[f"thigh_{side}"] = self.p_W["pelvis"] + self.R_W["pelvis"] @ np.array([forward, out * lateral, up])
         self.method += say("markers", "hips", method=hip, width=width, depth=depth, leg=leg)
         return {"pelvis_width": width, "pelvis_depth": depth, "leg_length": leg}
 
@@ -108,7 +91,7 @@ class _Builder:
         lateral, medial, plane = self.needed(f"{name}_lateral_{side}"), self.at(f"{name}_medial_{side}"), self.at(role)
         width, source = joint_width_m(self.person, name)
         self.method += say("markers", name, side=side, width=source, medial=medial is not None,
-                           plane=plane is not None and self.labelled.roles[role])
+                           plane=plane is not None and self.posture.labelled.roles[role])
         if medial is not None:
             return 0.5 * (lateral + medial), left * (medial - lateral)
         distance = 0.5 * width + 1e-3 * self.person.marker_radius_mm

@@ -171,18 +171,13 @@ def needs_joint_centre(p_BM: np.ndarray) -> bool:
     return len(p_BM) < FEWEST_MARKERS or cluster_width(p_BM) < NARROW_M
 
 
-def with_joint_centre(p_BM: np.ndarray) -> np.ndarray:
-    """(k + 1, 3) m: the markers, and the segment's origin."""
-    return np.vstack([p_BM, np.zeros(3)])
-
-
 def determines(segment: str, p_BM: np.ndarray) -> bool:
     """Whether markers (k, 3) m, with the joint centre where needed, determine the pose of `segment`."""
     if not needs_joint_centre(p_BM):
         return True
     if PARENTS[segment] is None:
         return cluster_width(p_BM) >= NARROWEST_M
-    return len(p_BM) >= FEWEST_MARKERS - 1 and cluster_width(with_joint_centre(p_BM)) >= NARROWEST_M
+    return len(p_BM) >= FEWEST_MARKERS - 1 and cluster_width(np.vstack([p_BM, np.zeros(3)])) >= NARROWEST_M
 
 
 def subset(markers: SegmentMarkers, labels: Collection[str]) -> SegmentMarkers:
@@ -202,7 +197,7 @@ def segment_pose(name: str, segment: SegmentMarkers, markers: Mapping[str, np.nd
     if parent is None or not needs_joint_centre(segment.p_BM):
         return rigid_poses(segment.p_BM, p_WM)
     centre = poses[parent].points(segment.p_PB)
-    return rigid_poses(with_joint_centre(segment.p_BM), np.concatenate([p_WM, centre[:, None, :]], axis=1))
+    return rigid_poses(np.vstack([segment.p_BM, np.zeros(3)]), np.concatenate([p_WM, centre[:, None, :]], axis=1))
 
 
 def segment_poses(segments: Mapping[str, SegmentMarkers], markers: Mapping[str, np.ndarray]) -> dict[str, RigidPoses]:

@@ -156,7 +156,7 @@ def _fill_from_cluster(work: _Work, markers: SegmentMarkers, centre: np.ndarray 
     p_BM, how = markers.p_BM, "rigid cluster"
     p_WM = np.stack([work.markers[label] for label in markers.labels], axis=1)
     if centre is not None:
-        p_BM, how = rigid.with_joint_centre(p_BM), "rigid cluster and joint centre"
+        p_BM, how = np.vstack([p_BM, np.zeros(3)]), "rigid cluster and joint centre"
         p_WM = np.concatenate([p_WM, centre[:, None, :]], axis=1)
     for own, label in enumerate(markers.labels):
         path = work.markers[label]
