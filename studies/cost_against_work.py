@@ -25,7 +25,7 @@ from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import GRAVITY, PELVIS_COORDINATES, FootParameters, leg_coordinates
 from vsf_drake.plants.foot import with_elements
-from vsf_drake.report.style import NEUTRAL, condition_colour, label, log_scale, new_figure, save_figure, style
+from vsf_drake.report.style import NEUTRAL, colour_of, drawing, label, log_scale, save_figure
 from vsf_drake.simulation.reactions import LOADED_N
 from vsf_drake.simulation.walk import DEFAULT_STEP_S, Walk, Walker
 
@@ -277,8 +277,7 @@ def cost_figure(costs: Sequence[Cost], *, title: str) -> Figure:
     Args:
         title: what was walked, and on what.
     """
-    with style():
-        figure = new_figure(9.6, 7.0)
+    with drawing(9.6, 7.0) as figure:
         heights = [cost.stepping_per_second for cost in costs]
         for axes, (family, (x, name)) in zip(figure.subplots(2, 2, sharey=True).flat, _PANELS.items(), strict=True):
             members = sorted((cost for cost in costs if cost.family == family), key=lambda cost: cost.size)
@@ -291,7 +290,6 @@ def cost_figure(costs: Sequence[Cost], *, title: str) -> Figure:
         figure.suptitle(
             f"{title}\nBeside each point: RMS of the difference of its 40 Hz resultant from the panel's finest, % of "
             "body weight\n(free coordinates: from the same motion in the finest step)", x=0.01, ha="left", fontsize=9.5)
-        figure.draw_without_rendering()
     return figure
 
 
@@ -302,7 +300,7 @@ def _panel(axes: Axes, members: Sequence[Cost], unit: float) -> None:
     falling = y[-1] < y[0]
     axes.annotate("real time", (1.0 if falling else 0.01, 1.0), xycoords=("axes fraction", "data"), xytext=(0, 3),
                   textcoords="offset points", ha="right" if falling else "left", fontsize=8, color=NEUTRAL)
-    axes.plot(x, y, marker="o", markersize=6, linewidth=1.4, color=condition_colour(0.108))
+    axes.plot(x, y, marker="o", markersize=6, linewidth=1.4, color=colour_of(108.0))
     for place, height, cost in zip(x, y, members, strict=True):
         axes.annotate(_error(cost), (place, height), xytext=(3 if falling else -3, 7), textcoords="offset points",
                       ha="left" if falling else "right", fontsize=8)

@@ -85,7 +85,7 @@ def figure(trial: Trial, rows: list[dict], compared: list[tuple[float, Compariso
     for number, (position, c) in enumerate(shown):
         if number == 0:
             force.plot(c.time_s, c.measured[:, 2] / weight, color="0.4", **look.MEASURED)
-        line = {"color": look.condition_colour(position), **look.SIMULATED}
+        line = {"color": look.colour_of(1e3 * position), **look.SIMULATED}
         force.plot(c.time_s, c.model[:, 2] / weight, **line)
         for stance in c.stances[:1]:
             start = np.nanmin(stance.measured_cop[:, 0])
@@ -93,7 +93,7 @@ def figure(trial: Trial, rows: list[dict], compared: list[tuple[float, Compariso
                 cop.plot(PERCENT, 1e3 * (stance.measured_cop[:, 0] - start), color="0.4", label="force plate",
                          **look.MEASURED)
             cop.plot(PERCENT, 1e3 * (stance.model_cop[:, 0] - start), **line,
-                     label=look.condition_label(round(position, 6)))
+                     label=look.name_of(round(1e3 * position, 3)))
     cop.legend(loc="lower right")
     look.label(force, x="time (s)", y="vertical force (BW)", title="Force")
     look.label(cop, x="stance (%)", y="fore-aft, from its first point (mm)", title="Centre of pressure")

@@ -17,6 +17,7 @@ height and path belong to one recording alone (`motion.fitted_trial`). SI units 
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Mapping
@@ -27,6 +28,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import yaml
 
+from vsf_drake import errors
 from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
 from vsf_drake.model_file import check_model, foam_under_load
@@ -123,13 +125,10 @@ def save_contact(contact: FittedContact, path: str | Path) -> None:
 
 def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> FittedContact:
     """Returns `contact` after checking what it names, once each, and every number in it; none may be missing."""
-    def refuse(what: str, where: str, right: str | None = None) -> InputError:
-        return InputError(what, file=file, where=where, right=right)
-
+    require = functools.partial(errors.require, file=file)
     check(contact, file=file)
-    if not contact.provenance:
-        raise refuse("is missing", "provenance",
-                     "It stands last: without it the file may have been cut short, with values missing too")
+    require(contact.provenance, "is missing", "provenance",
+            "It stands last: without it the file may have been cut short, with values missing too")
     values = {f"values.{name}": value for name, value in contact.values.items()}
     for where in values:
         variable_unit(where.removeprefix("values."), file=file, where=where)
@@ -139,29 +138,28 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
             *((where, where.removeprefix(prefix), known) for where in values if where.startswith(prefix)),
             *((f"curves[{i}].coordinate", curve.coordinate, known) for i, curve in enumerate(contact.curves)),
             *((f"trials[{i}].path", name, PATHS) for i, trial in enumerate(contact.trials) for name in trial.path)):
-        if name not in those:
-            raise refuse(f"{name!r} is no coordinate that can be corrected", where, f"There are: {', '.join(those)}")
+        require(name in those, f"{name!r} is no coordinate that can be corrected", where,
+                f"There are: {', '.join(those)}")
     splines = {f"curves[{i}].coefficients": curve.coefficients for i, curve in enumerate(contact.curves)} | {
         f"trials[{i}].path.{name}": path for i, trial in enumerate(contact.trials) for name, path in trial.path.items()}
     for where, spline in splines.items():
-        if len(spline) < FEWEST_COEFFICIENTS:
-            raise refuse(f"{len(spline)} coefficients make no cubic spline", where,
-                         f"At least {FEWEST_COEFFICIENTS} are needed")
+        require(len(spline) >= FEWEST_COEFFICIENTS, f"{len(spline)} coefficients make no cubic spline", where,
+                f"At least {FEWEST_COEFFICIENTS} are needed")
         values |= {f"{where}[{i}]": value for i, value in enumerate(spline)}
     for where, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-            raise refuse(f"{value!r} is not a finite number", where)
-        if abs(value) > LARGEST_CORRECTION and (where.startswith(prefix) or not where.startswith("values.")):
-            raise refuse(f"{value:g} corrects no recording", where,
-                         f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)")
+        require(isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value),
+                f"{value!r} is not a finite number", where)
+        correction = where.startswith(prefix) or not where.startswith("values.")
+        require(not correction or abs(value) <= LARGEST_CORRECTION, f"{value:g} corrects no recording", where,
+                f"It must be between {-LARGEST_CORRECTION:g} and {LARGEST_CORRECTION:g} (rad, m)")
     prints = [trial.fingerprint for trial in contact.trials]
-    for i in (i for i, text in enumerate(prints) if not re.fullmatch(r"[0-9a-f]{64}", text)):
-        raise refuse("is no fingerprint of a recording: 64 hexadecimal digits", f"trials[{i}].fingerprint")
-    for where, names, what in (
-            ("curves[{}].coordinate", [curve.coordinate for curve in contact.curves], "{} has two curves"),
-            ("trials[{}].fingerprint", prints, "the same recording stands twice")):
-        for i in (i for i, name in enumerate(names) if name in names[:i]):
-            raise refuse(what.format(names[i]), where.format(i))
+    for i, text in enumerate(prints):
+        require(re.fullmatch(r"[0-9a-f]{64}", text), "is no fingerprint of a recording: 64 hexadecimal digits",
+                f"trials[{i}].fingerprint")
+        require(text not in prints[:i], "the same recording stands twice", f"trials[{i}].fingerprint")
+    curved = [curve.coordinate for curve in contact.curves]
+    for i, name in enumerate(curved):
+        require(name not in curved[:i], f"{name} has two curves", f"curves[{i}].coordinate")
     return contact
 
 
@@ -204,18 +202,11 @@ def _commented(section: str, line: str) -> str:
     return f"{line.rstrip()}  # {unit}\n" if unit and number else line
 
 
-# Fitted values written into a model: the same walk as with these values given to `Walker.walk`.
-#
-#     contact.ZONE.stiffness | exponent | damping | full_damping_depth    the zone's own, prosthetic foot
-#     contact.ZONE.rise           added to each of the zone's rises
-#     friction.*                  of the prosthetic foot
-#     keel.flexural_modulus       its damping time stays, so the joints' damping goes along
-#     fulcrum.stiffness           its damping time stays, so its damping goes along
-#     socket.AXIS.stiffness       with stiffness_negative in its ratio; damping stays
-#
-# What a walk adds to the trial (offsets, coordinates) is no part of a model and stays out (`motion.fitted_trial`).
-# Where the spheres under the bench's load change, the foam that the bench finds there becomes theirs
-# (`model_file.foam_under_load`), so that the bench presses the foot that walks.
+# Fitted values written into a model: the same walk as with these values given to `Walker.walk`. A zone's `rise` is
+# added to each of its rises; damping times of keel and fulcrum stay, so their damping goes along; a socket axis keeps
+# the ratio of its two stiffnesses, and its damping. What a walk adds to the trial (offsets, coordinates) is no part of
+# a model (`motion.fitted_trial`). Where the spheres under the bench's load change, the foam that the bench finds there
+# becomes theirs (`model_file.foam_under_load`), so that the bench presses the foot that walks.
 
 
 _FIELDS = {"stiffness": "stiffness", "exponent": "exponent", "damping": "damping_n_s_per_m",

@@ -35,10 +35,10 @@ class InputError(VsfError):
         super().__init__(UNPRINTABLE.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), message))
 
 
-def require(holds: object, what: str, where: str, right: str | None = None) -> None:
+def require(holds: object, what: str, where: str, right: str | None = None, *, file: str | Path | None = None) -> None:
     """Raises InputError unless `holds`."""
     if not holds:
-        raise InputError(what, where=where, right=right)
+        raise InputError(what, file=file, where=where, right=right)
 
 
 class SimulationError(VsfError):

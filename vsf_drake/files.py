@@ -282,9 +282,11 @@ def _typed(hint: Any, value: Any, where: str) -> Any:  # noqa: PLR0911 (one retu
     if hint is Any or (value is None and type(None) in parts):
         return value
     if kind in (types.UnionType, typing.Union):
-        for part in (part for part in parts if part is not type(None)):
+        *others, last = (part for part in parts if part is not type(None))
+        for part in others:
             with contextlib.suppress(ValueError):
                 return _typed(part, value, where)
+        return _typed(last, value, where)
     elif kind is typing.Literal:
         if value in parts:
             return value

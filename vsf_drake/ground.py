@@ -11,13 +11,14 @@ World frame W: x forward, y left, z up. A file holds the patches in a list:
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from vsf_drake.errors import InputError
+from vsf_drake import errors
 from vsf_drake.schema import check, load_yaml, quantity
 
 _CHOICE = "a description of the place"
@@ -62,20 +63,18 @@ def load_ground(path: str | Path) -> Ground:
 
 def check_ground(ground: Ground, *, file: str | Path | None = None) -> Ground:
     """Returns `ground` if it is one: patches, one at least, with numbers in range and bounds in the right order."""
-    if not isinstance(ground, Ground):
-        raise InputError(f"{ground!r} is no Ground", file=file, where="ground",
-                         right="Give Ground(patches=(GroundPatch(...),)), or load_ground(path)")
-    if not isinstance(ground.patches, (list, tuple)) or not all(isinstance(p, GroundPatch) for p in ground.patches):
-        raise InputError(f"{ground.patches!r} is no tuple of GroundPatch", file=file, where="patches",
-                         right="Write patches=(GroundPatch(...),), with the comma")
+    require = functools.partial(errors.require, file=file)
+    require(isinstance(ground, Ground), f"{ground!r} is no Ground", "ground",
+            "Give Ground(patches=(GroundPatch(...),)), or load_ground(path)")
+    require(isinstance(ground.patches, (list, tuple)) and all(isinstance(p, GroundPatch) for p in ground.patches),
+            f"{ground.patches!r} is no tuple of GroundPatch", "patches",
+            "Write patches=(GroundPatch(...),), with the comma")
     check(ground, file=file)
-    if not ground.patches:
-        raise InputError("has no patch", file=file, where="patches", right="Give one at least; {} is the plane z = 0")
+    require(ground.patches, "has no patch", "patches", "Give one at least; {} is the plane z = 0")
     for i, patch in enumerate(ground.patches):
         for axis, low, high in (("x", patch.from_x_m, patch.to_x_m), ("y", patch.from_y_m, patch.to_y_m)):
-            if not low < high:
-                raise InputError(f"from_{axis}_m is {low:g}, to_{axis}_m {high:g}", file=file, where=f"patches[{i}]",
-                                 right="From must be less than to")
+            require(low < high, f"from_{axis}_m is {low:g}, to_{axis}_m {high:g}", f"patches[{i}]",
+                    "From must be less than to")
     return ground
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from vsf_drake.errors import InputError
+from vsf_drake.errors import require
 from vsf_drake.parameters import ContactZone, FootParameters, ModelParameters
 from vsf_drake.schema import check, load_yaml, unit_hint
 
@@ -32,41 +32,36 @@ def check_model(model: ModelParameters, *, file: str | Path | None = None) -> Mo
 
 def check_foot(foot: FootParameters, *, file: str | Path | None = None, group: str = "") -> FootParameters:
     """Returns `foot` after checking its ranges and whether its parts make a foot; `group` is what messages call it."""
-    def refuse(what: str, where: str, right: str | None = None) -> InputError:
-        return InputError(what, file=file, where=f"{group}{where}", right=right)
-
     check(foot, file=file, where=group)
     _check_zones(foot.zones, group, file)
     length, fulcrum = sum(foot.keel.element_lengths_m), foot.fulcrum
-    if not 0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12:
-        raise refuse(f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point "
-                     f"{foot.load_point_m} m must increase and lie within the keel of {length:.4f} m", "fulcrum")
     places = [1e-3 * x for zone in foot.zones for x in zone.x_mm]
-    if max(places) > length + 1e-9:
-        raise refuse(f"a contact sphere at x = {1e3 * max(places):g} mm is ahead of the keel", "zones",
-                     f"The keel ends at {1e3 * length:g} mm")
-    if min(places) >= fulcrum.rearmost_m:
-        raise refuse("no contact sphere sits on the heel block", "zones",
-                     f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm")
     parts = foot.keel.density_kg_m3 * length * foot.keel.width_m * foot.keel.thickness_m + fulcrum.carriage_mass_kg
-    if parts >= foot.mass_kg:
-        raise refuse(f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg", "mass_kg",
-                     "Give the mass of the whole foot, or make keel or carriage lighter")
     below = 0.5 * foot.keel.thickness_m + foot.foam_thickness_m
-    if foot.build_height_m <= below:
-        raise refuse(f"{foot.build_height_m:g} m from sole to pylon leaves no room above the keel, whose middle is "
-                     f"{below:.4g} m above the sole", "build_height_m")
+    for holds, where, what, right in (
+            (0.0 < fulcrum.rearmost_m < fulcrum.foremost_m < foot.load_point_m <= length + 1e-12, "fulcrum",
+             f"rearmost {fulcrum.rearmost_m} m, foremost {fulcrum.foremost_m} m and load point {foot.load_point_m} m "
+             f"must increase and lie within the keel of {length:.4f} m", None),
+            (max(places) <= length + 1e-9, "zones",
+             f"a contact sphere at x = {1e3 * max(places):g} mm is ahead of the keel",
+             f"The keel ends at {1e3 * length:g} mm"),
+            (min(places) < fulcrum.rearmost_m, "zones", "no contact sphere sits on the heel block",
+             f"At least one must lie behind the rearmost fulcrum, {1e3 * fulcrum.rearmost_m:g} mm"),
+            (parts < foot.mass_kg, "mass_kg",
+             f"keel and carriage weigh {parts:.3f} kg, the whole foot {foot.mass_kg:g} kg",
+             "Give the mass of the whole foot, or make keel or carriage lighter"),
+            (foot.build_height_m > below, "build_height_m",
+             f"{foot.build_height_m:g} m from sole to pylon leaves no room above the keel, whose middle is "
+             f"{below:.4g} m above the sole", None)):
+        require(holds, what, f"{group}{where}", right, file=file)
     return foot
 
 
 def _check_zones(zones: tuple[ContactZone, ...], group: str, file: str | Path | None) -> None:
-    if not zones:
-        raise InputError("there are no contact zones", file=file, where=f"{group}zones",
-                         right="A foot needs at least one")
+    require(zones, "there are no contact zones", f"{group}zones", "A foot needs at least one", file=file)
     for i, zone in enumerate(zones):
-        if not len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0:
-            raise InputError("x_mm, y_mm and rise_mm must have the same length, at least 1",
-                             file=file, where=f"{group}zones[{i}] ({zone.name})")
+        require(len(zone.x_mm) == len(zone.y_mm) == len(zone.rise_mm) > 0, "x_mm, y_mm and rise_mm must have the same "
+                "length, at least 1", f"{group}zones[{i}] ({zone.name})", file=file)
 
 
 def foam_under_load(foot: FootParameters) -> tuple[float, float] | None:
@@ -111,10 +106,9 @@ def check_fulcrum(fulcrum_m: float, foot: FootParameters, *, file: str | Path | 
                   where: str = "fulcrum") -> float:
     """Returns `fulcrum_m` (m from A) if it is a number and the carriage of `foot` can reach it."""
     low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
-    if np.ndim(fulcrum_m) or np.asarray(fulcrum_m).dtype.kind not in "iuf":
-        raise InputError(f"{fulcrum_m!r} is not a number", file=file, where=where, right="Its unit is m from A")
-    if not low - 1e-9 <= fulcrum_m <= high + 1e-9:
-        raise InputError(f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's reach", file=file,
-                         where=where, right=f"It must be between {1e3 * low:g} and {1e3 * high:g} mm"
-                         f"{unit_hint(1e3 * fulcrum_m, 'mm', 1e3 * low, 1e3 * high)}")
+    require(not np.ndim(fulcrum_m) and np.asarray(fulcrum_m).dtype.kind in "iuf", f"{fulcrum_m!r} is not a number",
+            where, "Its unit is m from A", file=file)
+    require(low - 1e-9 <= fulcrum_m <= high + 1e-9, f"the fulcrum at {1e3 * fulcrum_m:g} mm is out of the carriage's "
+            "reach", where, f"It must be between {1e3 * low:g} and {1e3 * high:g} mm"
+            f"{unit_hint(1e3 * fulcrum_m, 'mm', 1e3 * low, 1e3 * high)}", file=file)
     return fulcrum_m

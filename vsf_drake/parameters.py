@@ -287,17 +287,11 @@ def _measured(low: float, high: float, what: str, *, unit: str = "m") -> Any:
 class Subject:
     """The person: measured where known, scaled from the stature (de Leva 1996) where None.
 
-    Thigh, shank, ankle height and foot length are the intact leg's; the prosthetic thigh is as long unless
-    measured. The prosthetic leg below the knee is described by `prosthesis_...`: its length, and how the foot
-    sits under the pylon, relative to its standard place (pylon axis `foot.pylon_x_m` ahead of the keel's
-    posterior end, in the middle of its width, foot and shank at right angles, toes forward); None: there.
-
-        length_m            prosthetic knee centre to sole along the shank; None: shank plus ankle height
-        fore_aft_m          + foot forward
-        lateral_m           + foot away from the midline
-        alignment_rad       + toe up (dorsiflexion), as the ankle coordinate
-        inversion_rad       + inversion (medial edge up), as the ankle coordinate
-        toe_out_rad         + external rotation, against the sign of the ankle coordinate
+    Thigh, shank, ankle height and foot length are the intact leg's; the prosthetic thigh is as long unless measured.
+    Below the knee the prosthesis is as long as shank and ankle height unless measured, and the foot sits under the
+    pylon in its standard place: pylon axis `foot.pylon_x_m` ahead of the keel's posterior end, in the middle of its
+    width, foot and shank at right angles, toes forward; signs are those of the ankle's coordinates (inversion: medial
+    edge up) but for toe_out.
     """
 
     mass_kg: float = quantity(unit="kg", low=20.0, high=250.0, source="measured, prosthesis included")

@@ -15,11 +15,12 @@ A file's own paths are relative to its folder, or `package://vsf_drake/...` for 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from vsf_drake import errors
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource, user_path
 from vsf_drake.ground import Ground, check_ground, load_ground
@@ -112,45 +113,36 @@ def load_scenario(path: str | Path) -> Scenario:
 
 def check_scenario(scenario: Scenario, *, file: str | Path | None = None) -> Scenario:
     """Returns `scenario` after checking every number, that its keys belong together and that its files exist."""
-    def refuse(what: str, where: str, right: str) -> InputError:
-        return InputError(what, file=file, where=where, right=right)
-
+    require = functools.partial(errors.require, file=file)
     check(scenario, file=file)
     for item in fields(Scenario):
-        given = getattr(scenario, item.name) not in (item.default, ())
-        if given and scenario.kind not in _KINDS_OF.get(item.name, KINDS):
-            raise refuse(f"is not for the kind {scenario.kind!r}", item.name,
-                         f"It is for {' and '.join(_KINDS_OF[item.name])}")
-    if scenario.kind == "person" and scenario.subject is None:
-        raise refuse("the key is missing", "subject", "Give a subject's file or keys (mass_kg, stature_m, sex, ...)")
+        kinds = _KINDS_OF.get(item.name, KINDS)
+        require(scenario.kind in kinds or getattr(scenario, item.name) in (item.default, ()),
+                f"is not for the kind {scenario.kind!r}", item.name, f"It is for {' and '.join(kinds)}")
+    require(scenario.kind != "person" or scenario.subject is not None, "the key is missing", "subject",
+            "Give a subject's file or keys (mass_kg, stature_m, sex, ...)")
     if scenario.kind == "leg":
-        _check_leg(scenario, refuse)
+        require(scenario.robot or scenario.directives, "there is no model", "robot",
+                "Name a file for Drake's Parser, or give directives")
+        require(not (scenario.robot and scenario.directives) or scenario.robot.endswith((".dmd.yaml", ".dmd.yml")),
+                "beside directives it must be a file of directives (.dmd.yaml) itself", "robot",
+                f"Leave it out and begin with - add_model: {{name: ..., file: {scenario.robot}}}")
+        require(scenario.feet, "there is no foot", "feet",
+                "Give at least one, such as {name: vsf, parent_frame: leg::shank}")
     for key, names in (("feet", [foot.name for foot in scenario.feet]), ("guides", [g.joint for g in scenario.guides])):
         for i, name in enumerate(names):
-            if name in names[:i]:
-                raise refuse(f"{name!r} stands twice", f"{key}[{i}]", "Every one needs a name of its own")
+            require(name not in names[:i], f"{name!r} stands twice", f"{key}[{i}]", "Every one needs a name of its own")
     if isinstance(scenario.ground, Ground):
         check_ground(scenario.ground, file=file)
     named = {name: getattr(scenario, name) for name in _PATHS}
     named |= {f"feet[{i}].model": foot.model for i, foot in enumerate(scenario.feet)}
     for key, value in named.items():
-        if isinstance(value, str) and "://" in value and not value.startswith(PACKAGE):
-            raise refuse(f"{value!r} is in a package that is not known here", key,
-                         f"Give a path, or one below {PACKAGE}")
-        if isinstance(value, str) and not _exists(value):
-            raise refuse(f"there is no file {value}", key,
-                         f"Paths are relative to the scenario's folder, or begin with {PACKAGE}")
+        if isinstance(value, str):
+            require("://" not in value or value.startswith(PACKAGE),
+                    f"{value!r} is in a package that is not known here", key, f"Give a path, or one below {PACKAGE}")
+            require(_exists(value), f"there is no file {value}", key,
+                    f"Paths are relative to the scenario's folder, or begin with {PACKAGE}")
     return scenario
-
-
-def _check_leg(scenario: Scenario, refuse: Callable[[str, str, str], InputError]) -> None:
-    if not scenario.robot and not scenario.directives:
-        raise refuse("there is no model", "robot", "Name a file for Drake's Parser, or give directives")
-    if scenario.robot and scenario.directives and not scenario.robot.endswith((".dmd.yaml", ".dmd.yml")):
-        raise refuse("beside directives it must be a file of directives (.dmd.yaml) itself", "robot",
-                     f"Leave it out and begin with - add_model: {{name: ..., file: {scenario.robot}}}")
-    if not scenario.feet:
-        raise refuse("there is no foot", "feet", "Give at least one, such as {name: vsf, parent_frame: leg::shank}")
 
 
 def _exists(value: str) -> bool:

@@ -42,7 +42,7 @@ def _errors(results: Mapping[str, Any], tiers: list[str]) -> Figure:
                               markersize=11, markeredgewidth=1.8, clip_on=False, label=label)
             for role, face in (("fitted", "white"), ("held out", None)):
                 of = [i for i in place if trials[TRIALS[i]]["role"] == role]
-                colours = [look.condition_colour(1e-3 * trials[TRIALS[i]]["fulcrum_mm"]) for i in of]
+                colours = [look.colour_of(trials[TRIALS[i]]["fulcrum_mm"]) for i in of]
                 axes.scatter(of, [100 * trials[TRIALS[i]][metric] for i in of], s=42, label=role, edgecolors=colours,
                              facecolors=face or colours, linewidths=1.6, zorder=3)
             axes.set_ylim(0.0, 1.08 * axes.dataLim.y1)
@@ -60,12 +60,12 @@ def _sweeps(results: Mapping[str, Any], tiers: list[str]) -> Figure:
         for name in TRIALS:
             row = results[tier]["transfer"]["trials"][name]
             true = row["fulcrum_mm"]
-            colour = look.condition_colour(1e-3 * true)
+            colour = look.colour_of(true)
             if true not in shown:
                 axes.axvline(true, color=colour, linewidth=5.0, alpha=0.25)
             x, y = row["sweep"]["fulcrum_mm"], [np.nan if e is None else 100 * e for e in row["sweep"]["grf_rmse_bw"]]
             axes.plot(x, y, color=colour, linewidth=1.2, alpha=0.9,
-                      label=None if true in shown else look.condition_label(1e-3 * round(true, 6)))
+                      label=None if true in shown else look.name_of(round(true, 6)))
             best = row["sweep"]["best_mm"]
             if best is not None:
                 axes.plot(best, np.interp(best, x, y), "o" if row["sweep"]["right"] else "X", color=colour,

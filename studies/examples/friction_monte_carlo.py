@@ -36,7 +36,7 @@ from vsf_drake.laws.stick_slip import friction_coefficient
 from vsf_drake.model_file import load_model
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot_wiring import WiredFoot
-from vsf_drake.report.style import label, new_figure, save_figure, style
+from vsf_drake.report.style import drawing, label, save_figure
 
 LOAD_KG, PULL, MU_MEAN, MU_DEVIATION, MU_LEAST, KINETIC_SHARE = 40.0, 0.25, 0.30, 0.08, 0.05, 0.6
 DURATION_S, SEED = 0.3, 8
@@ -131,8 +131,7 @@ def _expected_distance(mu: float, limit: float) -> float:
 
 
 def _draw(out: Path, found: dict) -> None:
-    with style():
-        figure = new_figure(8.0, 3.2)
+    with drawing(8.0, 3.2) as figure:
         distances, ratios = figure.subplots(1, 2)
         order = np.argsort(found["mu_static"])
         mu, slips = found["mu_static"][order], found["slips"][order]

@@ -26,7 +26,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.plants.foot_wiring import FulcrumDrive, add_fulcrum_drive
-from vsf_drake.report.style import SHADE, condition_colour, label, new_figure, save_figure, style
+from vsf_drake.report.style import SHADE, colour_of, drawing, label, save_figure
 
 START_M, FAR_M, BACK_M = 0.066, 0.151, 0.137
 SAMPLE_S = 5e-3
@@ -125,8 +125,7 @@ def stiffness(run: dict, stance: np.ndarray) -> tuple[float, int]:
 def draw(out: Path, run: dict, strides: int) -> None:
     """Time series one below the other, the enabled times shaded; beside them load over deflection of each stance."""
     t = run["time"]
-    with style():
-        figure = new_figure(10.0, 7.0)
+    with drawing(10.0, 7.0) as figure:
         left, right = figure.subfigures(1, 2, width_ratios=(1.7, 1.0))
         axes = left.subplots(5, 1, sharex=True)
         series = (("fulcrum_position", 1e3, "fulcrum (mm)"), ("grf", 1.0, "vertical (N)"), ("lean", 57.3, "lean (deg)"),
@@ -147,9 +146,9 @@ def draw(out: Path, run: dict, strides: int) -> None:
             k_n_m, i = stiffness(run, stance)
             rest = np.flatnonzero(stance & (t >= t[i]) & (run["grf"][:, 2] > 0.0))
             position = run["fulcrum_position"][i]
-            push_off.plot(1e3 * run["deflection"][rest], run["load_across"][rest], color=condition_colour(position),
+            push_off.plot(1e3 * run["deflection"][rest], run["load_across"][rest], color=colour_of(1e3 * position),
                           label=f"stance {k + 1}: {1e3 * position:.0f} mm, {1e-3 * k_n_m:.0f} N/mm")
-            push_off.plot(1e3 * run["deflection"][i], run["load_across"][i], "o", color=condition_colour(position))
+            push_off.plot(1e3 * run["deflection"][i], run["load_across"][i], "o", color=colour_of(1e3 * position))
         push_off.legend(loc="lower right")
         push_off.set_xlim(left=0.0)
         push_off.set_ylim(bottom=0.0)

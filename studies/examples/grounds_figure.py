@@ -14,7 +14,7 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.plants.foot_handles import ContactSites
 from vsf_drake.plants.gait import GaitDiagram, make_gait
-from vsf_drake.report.style import MEASURED, NEUTRAL, label, new_figure, style
+from vsf_drake.report.style import MEASURED, NEUTRAL, drawing, label
 from vsf_drake.simulation.walk_over_ground import ReferenceWalk
 
 SHARES = (0.07, 0.25, 0.55, 0.9)
@@ -27,8 +27,7 @@ def draw(runs: dict[str, ReferenceWalk], grounds: dict[str, Ground], trial: Tria
     gait = make_gait(trial.subject, trial.model)
     colours = {name: colormaps["viridis"](0.9 * i / max(len(grounds) - 1, 1)) for i, name in enumerate(grounds)}
     weight = GRAVITY * trial.subject.mass_kg
-    with style():
-        figure = new_figure(2.6 * len(runs), 8.4)
+    with drawing(2.6 * len(runs), 8.4) as figure:
         above, middle, below = figure.subfigures(3, 1, height_ratios=(1.2, 0.55, 1.0))
         people, feet = (part.subplots(1, len(runs), sharex=True, sharey=True) for part in (above, middle))
         for person, foot, (name, run) in zip(people, feet, runs.items(), strict=True):

@@ -26,7 +26,7 @@ from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
 from vsf_drake.plants import add_foot, wire_foot
 from vsf_drake.plants.foot_wiring import WiredFoot
-from vsf_drake.report.style import label, new_figure, save_figure, style
+from vsf_drake.report.style import drawing, label, save_figure
 
 LEG_JOINTS = ("hip_flexion", "knee_flexion")
 BEND_RAD, SPRING_NM_PER_RAD, DAMPING_NM_S_PER_RAD, DROP_M = 0.35, 300.0, 5.0, 0.03
@@ -106,8 +106,7 @@ def _integral(power: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def _draw(out: Path, run: dict, energy: np.ndarray, losses: dict, weight: float) -> None:
-    with style():
-        figure = new_figure(10.0, 3.2)
+    with drawing(10.0, 3.2) as figure:
         leg, force, ledger = figure.subplots(1, 3, width_ratios=(0.7, 1.0, 1.0))
         for i, shade in ((0, 0.75), (int(np.argmax(run["grf"][:, 2])), 0.5), (-1, 0.0)):
             points = run["places"][i]

@@ -26,7 +26,7 @@ from scipy.interpolate import PchipInterpolator
 
 from vsf_drake.files import resource
 from vsf_drake.model_file import load_model
-from vsf_drake.report.style import condition_colour, condition_label, label, new_figure, save_figure, style
+from vsf_drake.report.style import colour_of, drawing, label, name_of, save_figure
 from vsf_drake.simulation.roll_over import RollOver
 
 FULCRUMS_M, DESIGN_M = (0.066, 0.108), 0.108
@@ -124,14 +124,13 @@ def _integral(power: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def _draw(out: Path, found: dict) -> None:
-    with style():
-        figure = new_figure(10.5, 5.2)
+    with drawing(10.5, 5.2) as figure:
         axes = figure.subplot_mosaic([["arm", "force", "pressure"], ["arm", "work", "error"]], width_ratios=(0.8, 1, 1))
         arm, force, pressure, work, error = (axes[name] for name in ("arm", "force", "pressure", "work", "error"))
         _draw_arm(arm, next(iter(found.values())))
         for fulcrum_m, run in found.items():
-            colour, t, loaded = condition_colour(fulcrum_m), run["time"], run["loaded"]
-            force.plot(t, run["grf"][:, 2], color=colour, label=condition_label(fulcrum_m))
+            colour, t, loaded = colour_of(1e3 * fulcrum_m), run["time"], run["loaded"]
+            force.plot(t, run["grf"][:, 2], color=colour, label=name_of(1e3 * fulcrum_m))
             force.plot(t, run["grf"][:, 0], color=colour, linewidth=0.9)
             force.plot(run["stepper"].time_s, run["stepper"].grf_W[:, 2], ":", color="0.85", linewidth=1.2)
             pressure.plot(t[loaded], 1e3 * run["cop"][loaded, 0], color=colour)

@@ -24,7 +24,7 @@ from pydrake.systems.primitives import AffineSystem, Linearize
 from scipy.linalg import eig, expm
 from standing_leg import StandingLeg, equilibrium, make_standing_leg
 
-from vsf_drake.report.style import condition_colour, condition_label, label, new_figure, save_figure, style
+from vsf_drake.report.style import colour_of, drawing, label, name_of, save_figure
 
 FULCRUMS_M = (0.066, 0.151)
 SLOW, NEUTRAL = 90.0, 1e-4
@@ -134,13 +134,12 @@ def _respond(
 
 
 def _draw(out: Path, found: dict) -> None:
-    with style():
-        figure = new_figure(11.0, 3.2)
+    with drawing(11.0, 3.2) as figure:
         body, modes, lean, torque = figure.subplots(1, 4, width_ratios=(0.8, 1.0, 1.0, 1.0))
         ticks = [(name, fulcrum_m) for name in ("open", "locked", "closed") for fulcrum_m in found]
         for fulcrum_m, run in found.items():
-            colour, leg = condition_colour(fulcrum_m), run["leg"]
-            body.plot(*run["outline"].T, "-", color=colour, label=condition_label(fulcrum_m))
+            colour, leg = colour_of(1e3 * fulcrum_m), run["leg"]
+            body.plot(*run["outline"].T, "-", color=colour, label=name_of(1e3 * fulcrum_m))
             body.plot(run["com"][0] - run["cop"][0], run["com"][2], "o", color=colour, markersize=4)
             for name in ("open", "locked", "closed"):
                 rates = run[name].real[np.abs(run[name]) < SLOW]

@@ -18,7 +18,7 @@ from vsf_drake.cli.app import console, errors, progress
 from vsf_drake.errors import InputError
 from vsf_drake.files import csv_cells, read_bytes, user_path
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.report.style import label, new_figure, save_figure, style
+from vsf_drake.report.style import drawing, label, save_figure
 from vsf_drake.text_table import as_label
 
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right"}
@@ -104,8 +104,7 @@ def test_no_console_reads_markup(capsys):
 
 def test_no_figure_reads_mathtext(tmp_path):
     text = r"$\foo$ \$5 $a$ & <b> $"
-    with style():
-        figure = new_figure(4.0, 3.0)
+    with drawing(4.0, 3.0) as figure:
         axes = figure.add_subplot()
         axes.plot([0, 1], label=text)
         axes.legend()

@@ -11,14 +11,13 @@ from page_reader import Balanced
 
 from vsf_drake.report import page as page_module
 from vsf_drake.report.page import Chapter, Column, cell, chapter_page, listed, number, said
-from vsf_drake.report.style import label, new_figure, style
+from vsf_drake.report.style import drawing, label
 
 needs_browser = pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
 
 
 def drawn():
-    with style():
-        figure = new_figure(10.0, 4.0)
+    with drawing(10.0, 4.0) as figure:
         axes = figure.subplots()
         axes.plot([0.0, 1.0], [0.0, 2.0])
         label(axes, x="time (s)", y="force (N)")

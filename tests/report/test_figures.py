@@ -14,7 +14,7 @@ from vsf_drake.analysis.bench_metrics import bench_table
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.errors import InputError
 from vsf_drake.report.figures import bench_figure, standing_figure, walk_figure, zone_loads
-from vsf_drake.report.style import condition_colour, save_figure
+from vsf_drake.report.style import colour_of, save_figure
 from vsf_drake.simulation.results import Standing, standing_table
 
 
@@ -44,7 +44,7 @@ def test_forces_are_drawn_in_body_weights_measured_solid_simulated_dashed():
     walk, figure = walk_and_figure(scale=1.1)
     vertical = next(a for a in figure.axes if a.get_title(loc="left").startswith("Vertical"))
     measured, simulated = (line for line in vertical.lines if len(line.get_xdata()) > 100)
-    assert to_rgba(measured.get_color()) == to_rgba(simulated.get_color()) == to_rgba(condition_colour(0.066))
+    assert to_rgba(measured.get_color()) == to_rgba(simulated.get_color()) == to_rgba(colour_of(66.0))
     assert measured.get_linestyle() == "-"
     assert simulated.get_linestyle() == "--"
     assert np.max(simulated.get_ydata()) == pytest.approx(np.max(walk.grf_W[:, 2]) / (80.0 * 9.81), rel=1e-2)
@@ -77,7 +77,7 @@ def test_published_end_points_are_marked_beside_the_simulated_ones():
                    if np.ptp(line.get_ydata()) > 0.0)
     assert drawn == pytest.approx([10.0, 32.0, 65.0])
     curve = next(line for line in figure.axes[0].lines if line.get_label() == "fulcrum 66 mm")
-    assert to_rgba(curve.get_color()) == to_rgba(condition_colour(0.066))
+    assert to_rgba(curve.get_color()) == to_rgba(colour_of(66.0))
 
 
 # Standing.
@@ -146,7 +146,7 @@ def test_figure_draws_each_foot_their_sum_and_the_weight():
 
 
 def test_settings_keep_their_order_in_grey_print():
-    grey = [np.dot(to_rgb(condition_colour(p)), [0.2126, 0.7152, 0.0722]) for p in (0.066, 0.087, 0.108, 0.129, 0.151)]
+    grey = [np.dot(to_rgb(colour_of(p)), [0.2126, 0.7152, 0.0722]) for p in (66.0, 87.0, 108.0, 129.0, 151.0)]
     assert np.all(np.diff(grey) > 0.03)
     assert grey[-1] < 0.6, "the lightest must still stand out from white paper"
 

@@ -27,11 +27,10 @@ from vsf_drake.report.style import (
     SHADE,
     SIMULATED,
     colour_of,
-    condition_colour,
-    condition_label,
     drawing,
     label,
     log_scale,
+    name_of,
 )
 from vsf_drake.simulation.results import LARGEST_DRIFT_M, BenchResult, StandingTable, WalkResult
 
@@ -41,7 +40,7 @@ if TYPE_CHECKING:  # it would bring Drake
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
 TITLE_WIDTH = 110  # letters on a line of the title: what the figure is wide enough for
 MOST_LABELLED = 4  # stances that the legend tells apart; a longer recording shows its footprints without one
-PROSTHETIC, INTACT, BOTH = condition_colour(0.066), condition_colour(0.151), "0.1"
+PROSTHETIC, INTACT, BOTH = colour_of(66.0), colour_of(151.0), "0.1"
 LIMIT_MM = 1e3 * LARGEST_DRIFT_M  # where standing still ends, marked in the figure
 _PANELS = (("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"),
            ("cop_rmse_fl", 100.0, "RMS error (% foot length)", "Centre of pressure, fore-aft"),
@@ -67,9 +66,9 @@ def bench_figure(bench: BenchResult, table: BenchTable) -> Figure:
 def _bench_curves(axes: Axes, bench: BenchResult) -> None:
     settings = [*bench.forefoot, *([bench.heel] if bench.heel else [])]
     for i, setting in enumerate(settings):
-        x, colour = 1e3 * displacement(setting), condition_colour(setting.fulcrum_m)
-        marker = "*" if setting.fulcrum_m is None else MARKERS[i % len(MARKERS)]
-        axes.plot(x, setting.load_n, color=colour, label=condition_label(setting.fulcrum_m), marker=marker,
+        x, at = 1e3 * displacement(setting), None if setting.fulcrum_m is None else 1e3 * setting.fulcrum_m
+        colour, marker = colour_of(at), "*" if at is None else MARKERS[i % len(MARKERS)]
+        axes.plot(x, setting.load_n, color=colour, label=name_of(at), marker=marker,
                   markevery=(0.06 + 0.02 * i, 0.17), markersize=4.5, **SIMULATED)
         published = published_stiffness(setting.fulcrum_m)
         if published is not None:  # a line of that slope through the simulated curve at 200 N
@@ -124,8 +123,8 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
     """
     comparison = compare(result, plate)
     model, measured = (force / metrics.body_weight_n for force in (comparison.model, comparison.measured))
-    fulcrum = float(np.median(result.fulcrum_m))
-    colour = condition_colour(fulcrum)
+    fulcrum_mm = 1e3 * float(np.median(result.fulcrum_m))
+    colour = colour_of(fulcrum_mm)
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
     with drawing(11.0, 8.2) as figure:
@@ -152,7 +151,7 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
             handles.append(Patch(facecolor=SHADE, edgecolor=NEUTRAL, linewidth=0.6,
                                  label="stance cut by the simulated time"))
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-        title = f"{result.trial_name}: {kind}, {result.side} prosthesis, {condition_label(fulcrum)}{state}"
+        title = f"{result.trial_name}: {kind}, {result.side} prosthesis, {name_of(fulcrum_mm)}{state}"
         figure.suptitle(textwrap.fill(title, TITLE_WIDTH), x=0.01, ha="left", fontsize=11)
     return figure
 
@@ -272,7 +271,7 @@ def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
             lines = []
             for number, trial in enumerate(trials):
                 own = [row for row in rows if row.trial == trial.name]
-                colour = condition_colour(1e-3 * trial.fulcrum_mm)
+                colour = colour_of(trial.fulcrum_mm)
                 scores = [(row.varied(name), getattr(row.scores, key)) for row in own]
                 known = sorted((x, factor * score) for x, score in scores if score is not None)
                 lines += axes.plot([x for x, _ in known], [y for _, y in known], marker=MARKERS[number % len(MARKERS)],

@@ -23,7 +23,7 @@ from vsf_drake.report.style import (
     MEASURED,
     NEUTRAL,
     SIMULATED,
-    condition_colour,
+    colour_of,
     drawing,
     label,
     log_scale,
@@ -129,7 +129,7 @@ def _forefoot(axes: Axes, bench: BenchRow, quantity: Beside, y: str, unit: str) 
     axes.plot(x, measured, zorder=1, **solid)
     axes.plot(x, model, zorder=2, **dashed)
     for i, (position, k, fitted) in enumerate(zip(x, measured, model, strict=True)):
-        colour = condition_colour(1e-3 * position)
+        colour = colour_of(position)
         axes.errorbar(position, k, yerr=2.0 * quantity.uncertainty, color=colour, marker="_",
                       markersize=16, markeredgewidth=3.0, capsize=4, linewidth=1.4, zorder=3)
         axes.plot(position, fitted, marker=MARKERS[i % len(MARKERS)], color=colour, markersize=7,
@@ -191,7 +191,7 @@ def fit_error_figure(table: FitTable) -> Figure:
                 axes.axvspan(100.0 * band[0], 100.0 * band[1], color=_PUBLISHED, linewidth=0.0, zorder=0)
             for y, ((trial, _), error) in enumerate(zip(rows, errors, strict=True)):
                 if error is not None:
-                    colour = condition_colour(1e-3 * trial.fulcrum_mm)
+                    colour = colour_of(trial.fulcrum_mm)
                     axes.plot([0.0, 100.0 * error], [y, y], color=colour, linewidth=1.2, alpha=0.6)
                     axes.plot(100.0 * error, y, marker="o", color=colour, markersize=7, markeredgewidth=1.8,
                               markerfacecolor=colour if trial.role == _FITTED else "white")
@@ -349,7 +349,7 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
     def off(error: float | None, unit: str) -> str:
         return "" if error is None else f": {100.0 * error:.1f} % {unit} off"
 
-    metrics, curves, colour = score.metrics, score.curves, condition_colour(1e-3 * trial.fulcrum_mm)
+    metrics, curves, colour = score.metrics, score.curves, colour_of(trial.fulcrum_mm)
     both = [curves.measured_bw, curves.model_bw]
     forces = (("Resultant", "", [np.linalg.norm(force, axis=1) for force in both], metrics.grf_rmse_bw),
               ("Fore-aft", "forward ", [force[:, 0] for force in both], metrics.fore_aft_rmse_bw))
@@ -405,7 +405,7 @@ def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
         for axes, setting in zip(panels, settings, strict=False):
             axes.axvline(setting, color=NEUTRAL, linewidth=6.0, alpha=0.35, zorder=0)
             for i, trial in enumerate(trial for trial in trials if trial.fulcrum_mm == setting):
-                _sweep(axes, trial, condition_colour(1e-3 * setting), MARKERS[i % len(MARKERS)])
+                _sweep(axes, trial, colour_of(setting), MARKERS[i % len(MARKERS)])
             axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
             label(axes, x="fulcrum from the keel's end (mm)", y="resultant, RMS error (% BW)",
                   title=f"Trials at {setting:g} mm")

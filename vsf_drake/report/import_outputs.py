@@ -21,7 +21,7 @@ from vsf_drake.motion.trial import Trial, load_trial, trial_files, write_trial_f
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.report.page import render
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import NEUTRAL, label, new_figure, style
+from vsf_drake.report.style import NEUTRAL, drawing, label
 from vsf_drake.schema import dump_yaml, to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.yaml_file import dump
@@ -119,8 +119,7 @@ def angle_figure(item: Examined) -> Figure:
     """
     motion = item.trial.tracked or item.trial.trajectory  # markers know both ankles
     standing = item.trial.calibration.angles_rad if item.trial.calibration else {}
-    with style():
-        figure = new_figure(11.0, 5.4)
+    with drawing(11.0, 5.4) as figure:
         for axes, (stem, title) in zip(figure.subplots(2, 4).ravel(), _ANGLES, strict=True):
             for side in SIDES:
                 name = stem if stem.startswith("pelvis") else f"{stem}_{side[0]}"
@@ -148,8 +147,7 @@ def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
 def force_figure(item: Examined) -> Figure:
     """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's window."""
     trial = item.trial
-    with style():
-        figure = new_figure(11.0, 3.2)
+    with drawing(11.0, 3.2) as figure:
         titles = ("Vertical", "Fore-aft (forward +)", "Medio-lateral (left +)")
         for axes, column, title in zip(figure.subplots(1, 3), (2, 0, 1), titles, strict=True):
             for side, plate in trial.plates.items():
@@ -163,8 +161,7 @@ def force_figure(item: Examined) -> Figure:
 
 def floor_figure(item: Examined) -> Figure:
     """The floor from above: centres of pressure, each foot from heel to toe as it stands flat, corners of plates."""
-    with style():
-        figure = new_figure(11.0, 3.4)
+    with drawing(11.0, 3.4) as figure:
         axes = figure.subplots()
         for plate in item.trial.recording.plates if item.trial.recording else ():
             if plate.corners_m is not None:

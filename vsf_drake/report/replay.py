@@ -33,7 +33,7 @@ from vsf_drake.report.show.drawing import (
     open_meshcat,
     shifted,
 )
-from vsf_drake.report.style import condition_label
+from vsf_drake.report.style import name_of
 from vsf_drake.schema import from_plain
 from vsf_drake.simulation.results import WalkResult
 
@@ -75,7 +75,7 @@ def write_replay(result: WalkResult, path: str | Path, *, plate: PlateRecording 
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     write_text(path, finish_page(
         meshcat, f"{result.trial_name}: {kind}", "replay.html.j2", walk=result,
-        fulcrum=condition_label(round(lowest, 6)), highest_mm=1e3 * highest if highest - lowest > 1e-6 else None,
+        fulcrum=name_of(round(1e3 * lowest, 3)), highest_mm=1e3 * highest if highest - lowest > 1e-6 else None,
         legend=[("#" + "".join(f"{round(255 * c):02x}" for c in colour), name) for colour, name in legend]))
 
 

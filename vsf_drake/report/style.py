@@ -29,7 +29,7 @@ NEUTRAL = "0.45"
 SHADE = "0.92"
 MARKERS = ("o", "s", "^", "D", "v")
 DOTS_PER_INCH = 150
-_RANGE_M = (0.066, 0.151)
+_RANGE_MM = (66.0, 151.0)
 _LIGHTEST = 0.66
 _SETTINGS: dict[str, Any] = {
     "font.size": 9.0, "axes.titlesize": 9.5, "axes.labelsize": 9.0, "legend.fontsize": 8.0, "legend.frameon": False,
@@ -65,28 +65,17 @@ Arrays = Mapping[str, np.ndarray]
 FULCRUM = "fulcrum from the keel's posterior end (mm)"
 
 
-def condition_colour(fulcrum_m: float | None) -> ColorType:
-    """The colour of a fulcrum position (m from the keel's posterior end), or of the heel for None."""
-    if fulcrum_m is None:
-        return HEEL_COLOUR
-    low, high = _RANGE_M
-    share = min(max((fulcrum_m - low) / (high - low), 0.0), 1.0)
-    return colormaps["viridis"](_LIGHTEST * share)
-
-
-def condition_label(fulcrum_m: float | None) -> str:
-    """The name of a condition in legends."""
-    return "heel" if fulcrum_m is None else f"fulcrum {1e3 * fulcrum_m:g} mm"
-
-
 def colour_of(fulcrum_mm: float | None) -> ColorType:
-    """The colour of a position, or of the heel for None."""
-    return condition_colour(None if fulcrum_mm is None else 1e-3 * fulcrum_mm)
+    """The colour of a fulcrum position (mm from the keel's posterior end), or of the heel for None."""
+    if fulcrum_mm is None:
+        return HEEL_COLOUR
+    low, high = _RANGE_MM
+    return colormaps["viridis"](_LIGHTEST * min(max((fulcrum_mm - low) / (high - low), 0.0), 1.0))
 
 
-def name_of(fulcrum_mm: float) -> str:
+def name_of(fulcrum_mm: float | None) -> str:
     """A position's name in legends."""
-    return condition_label(1e-3 * fulcrum_mm)
+    return "heel" if fulcrum_mm is None else f"fulcrum {fulcrum_mm:g} mm"
 
 
 def say_synthetic(figure: Figure, synthetic: bool, what: str) -> None:

@@ -16,7 +16,7 @@ from vsf_drake.analysis.validation.run import SavedSection, Validation
 from vsf_drake.errors import InputError
 from vsf_drake.report import page
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import label, new_figure, style
+from vsf_drake.report.style import drawing, label
 from vsf_drake.report.validation import chapters, output
 from vsf_drake.report.validation.output import VALIDATION, write_validation
 
@@ -41,8 +41,7 @@ class Found:
 
 
 def walking(table, arrays):
-    with style():
-        figure = new_figure(6.0, 3.0)
+    with drawing(6.0, 3.0) as figure:
         axes = figure.subplots()
         axes.plot(arrays["force_bw"])
         label(axes, x="stance (%)", y="force (BW)")

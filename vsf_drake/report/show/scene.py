@@ -343,19 +343,13 @@ Meshcat shows some eighteen letters of a name."""
 POLL_S = 1.0 / 30.0
 
 
-def frame_button(letter: str) -> str:
-    """Name of the button that shows and hides a frame."""
-    return f"Frame {letter} on/off"
-
-
 class Viewer:
     """Sliders and buttons of `scene` on its Meshcat; `say` is told what goes wrong while the page stays open."""
 
     def __init__(self, scene: Scene, say: Callable[[str], None]) -> None:
         self.meshcat, self.scene, self._say, self._warned = scene.meshcat, scene, say, ""
         self._drawn: dict[str, float] = {}
-        self._shown = dict.fromkeys(scene.frames, True)
-        for button in (STOP, RESET, *map(frame_button, scene.frames)):
+        for button in (STOP, RESET):
             self.meshcat.AddButton(button)
         self._resets = 0
         foot = scene.foot.parameters
@@ -378,11 +372,6 @@ class Viewer:
             self._resets = resets
             for control in self.scene.controls:
                 self.meshcat.SetSliderValue(control.label, control.rest)
-        for letter, shown in self._shown.items():
-            wanted = self.meshcat.GetButtonClicks(frame_button(letter)) % 2 == 0
-            if wanted != shown:
-                self.meshcat.SetProperty(f"{FRAMES}/{letter}", "visible", wanted)
-                self._shown[letter] = wanted
         values = self.values()
         if values != self._drawn:
             self._drawn = values

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from vsf_drake.analysis.tuning.schedule import Schedule, TaskSetting
 from vsf_drake.analysis.tuning.table import TaskOptimum, TuningTable
-from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, condition_colour, drawing, label
+from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, colour_of, drawing, label
 from vsf_drake.report.tuning import reading
 from vsf_drake.report.tuning.reading import Arrays
 
@@ -55,7 +55,7 @@ def _legend(axes: Axes, **look: Any) -> None:
 
 
 def _colour(fulcrum_mm: float | None) -> Any:
-    return NEUTRAL if fulcrum_mm is None else condition_colour(1e-3 * fulcrum_mm)
+    return NEUTRAL if fulcrum_mm is None else colour_of(fulcrum_mm)
 
 
 def _point(axes: Axes, fulcrum_mm: float, x: float, y: float, **look: Any) -> None:
@@ -189,7 +189,7 @@ def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
     ends = (min(swept_mm, default=None), table.fulcrum_mm, max(swept_mm, default=None))
     for name, mm, dashes in zip(reading.SHOWN, ends, ((0, (1, 1)), "-", (0, (5, 2))), strict=True):
         called = name if table.optimal or name != "optimum" else "last iterate"
-        looks[name] = {"color": condition_colour(None if mm is None else 1e-3 * mm), "linestyle": dashes,
+        looks[name] = {"color": colour_of(mm), "linestyle": dashes,
                        "linewidth": 1.4, "label": called if mm is None else f"{called}, {mm:.0f} mm"}
     figure.set_size_inches(_WIDE, 0.9 + 2.7 * len(shown))
     _forces(figure.subplots(len(shown), 2, squeeze=False), arrays,
