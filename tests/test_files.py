@@ -136,7 +136,8 @@ def test_entries_of_a_flat_mapping_stand_among_the_fields_and_come_back():
 @pytest.mark.parametrize(("change", "message"), [
     ({"inner": {}}, r"^inner\.value is missing"), ({"rows": [{"value": "1"}]}, r"^rows\[0\]\.value is '1', not float"),
     ({"by_name": {"x": True}}, r"^by_name\.x is 'True'"), ({"way": "up"}, "^way is 'up'"),
-    ({"limits": [1.0]}, "^limits is"), ({"limits": [1.0, "x"]}, r"^limits\[1\] is 'x', not int"), ({"inner": 3}, "^inner is no table")])
+    ({"limits": [1.0]}, "^limits is"), ({"limits": [1.0, "x"]}, r"^limits\[1\] is 'x', not int"),
+    ({"inner": 3}, "^inner is no table")])
 def test_what_a_record_cannot_be_made_of_is_named(change, message):
     with pytest.raises(ValueError, match=message):
         record(Outer, plain(MADE) | change)
