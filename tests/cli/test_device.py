@@ -45,11 +45,10 @@ def subject(tmp_path):
     (["bench", "--max-load-n", 100], "200"), (["bench", "--speed-mm-per-min", 0], "speed"),
     (["bench", "--fulcrum-mm", 400], "reach"), (["bench", "--model", "none.yaml"], "none.yaml: there is no such file"),
     (["export", "--fulcrum-mm", 200], "the fulcrum at 200 mm is out of the carriage's reach. It must be between 66"),
-    (["export", "--fulcrum-mm", "nan"], "the fulcrum at nan mm is out of the carriage's reach"),
     (["export", "--format", "mjcf", "--no-springs"], "an MJCF file always has springs and contact spheres"),
     (["export", "--format", "urdf"], "'urdf' is not known. Known are sdf, mjcf, both"),
     (["stand", "SUBJECT", "--fulcrum-mm", 300], "out of the carriage's reach"),
-    (["stand", "SUBJECT", "--duration-s", 0], "no time to stand"), (["stand", "none.yaml"], "there is no such file"),
+    (["stand", "SUBJECT", "--duration-s", 0], "no time to stand"),
     (["simulate", "none.yaml"], "none.yaml: there is no such file"),
 ])
 def test_mistakes_end_with_one_message_and_code_2_and_leave_nothing(run, subject, tmp_path, words, message):
@@ -69,15 +68,12 @@ def test_what_cannot_be_shown_is_refused(run, tmp_path, monkeypatch, words, mess
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"prosthesis": {"fulcrum_mm": 300}}, "fulcrum"), ({"kinematics": "nowhere.mot"}, "nowhere.mot"),
-    ({"window": {"start_s": 0.4, "end_s": 0.5}}, "stance")])
-def test_a_manifest_that_cannot_be_walked_ends_with_code_2(run, tmp_path, trial_files, change, words):
+def test_a_manifest_that_cannot_be_walked_ends_with_code_2(run, tmp_path, trial_files):
     manifest = trial_files.write()
-    content = yaml.safe_load(manifest.read_text(encoding="utf-8")) | change
+    content = yaml.safe_load(manifest.read_text(encoding="utf-8")) | {"window": {"start_s": 0.4, "end_s": 0.5}}
     manifest.write_text(yaml.safe_dump(content), encoding="utf-8")
     code, _, error = run("simulate", manifest, "--out", tmp_path / "out")
-    assert code == 2 and words in error
+    assert code == 2 and "stance" in error
     assert not (tmp_path / "out").exists()
 
 
@@ -99,9 +95,7 @@ def test_bench_writes_the_published_end_points(run, tmp_path):
     assert stiffness[-1] == pytest.approx(32.0, abs=0.5)
     assert stiffness == sorted(stiffness)
     assert table["heel_stiffness_n_per_mm"] == pytest.approx(65.0, abs=2.0)
-    assert {"simulated_s", "wall_s"} <= set(table)
     assert [row["published_n_per_mm"] for row in table["settings"]] == [10.0, None, None, None, 32.0]
-    assert all({"mid_range_displacement_mm", "max_load_n"} <= set(row) for row in table["settings"])
     assert "prediction" in out
     assert {"bench.png", "bench.svg", "result.npz", "result.yaml"} <= {p.name for p in (tmp_path / "bench").iterdir()}
 
@@ -117,10 +111,9 @@ def test_an_interrupted_command_says_so_and_leaves_nothing(run, tmp_path, trial_
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("more", [(), ("--fit-offsets",)])
-def test_diverging_simulation_says_when_and_leaves_nothing(run, tmp_path, trial_files, monkeypatch, more):
+def test_diverging_simulation_says_when_and_leaves_nothing(run, tmp_path, trial_files, monkeypatch):
     monkeypatch.setattr("vsf_drake.simulation.stepping.stepper.MAX_SPEED", 1e-6)
-    code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out", *more)
+    code, _, err = run("simulate", trial_files.write(), "--out", tmp_path / "out")
     assert code == 3
     assert "t = " in err
     assert not (tmp_path / "out").exists()
@@ -129,10 +122,10 @@ def test_diverging_simulation_says_when_and_leaves_nothing(run, tmp_path, trial_
 
 def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path, trial_files):
     out = tmp_path / "results"
-    assert run("simulate", trial_files.write(), "--out", out)[0] == 0
+    assert run("simulate", trial_files.write(), "--out", out, "--step-ms", 4)[0] == 0
     assert (out / "replay.html").exists()
     (out / "mine.txt").write_text("kept", encoding="utf-8")
-    assert run("simulate", trial_files.write(), "--out", out, "--no-replay")[0] == 0
+    assert run("simulate", trial_files.write(), "--out", out, "--no-replay", "--step-ms", 4)[0] == 0
     assert {path.name for path in out.iterdir()} >= {"metrics.json", "mine.txt"}
     assert not (out / "replay.html").exists()
 
@@ -148,16 +141,12 @@ REPORTED = {"offsets": {"height_m": 0.0, "fore_aft_m": 0.0, "alignment_rad": 0.0
 
 
 @pytest.mark.parametrize("refined", [0, 5])
-def test_walk_shows_cut_steps_only_if_there_are_any(capsys, refined):
+def test_cut_steps_are_shown_only_if_there_are_any(capsys, refined):
     metrics = walk_metrics(make_walk(refined_steps=refined), make_plate())
     assert metrics.refined_steps == refined
     print_text("walk", **vars(metrics) | REPORTED, offsets_are="not fitted", alignment_deg=0.0)
     shown = [line.split() for line in capsys.readouterr().out.splitlines() if "cut into smaller ones" in line]
     assert [str(refined) in words for words in shown] == [True] * bool(refined)
-
-
-@pytest.mark.parametrize("refined", [0, 2])
-def test_bench_shows_cut_steps_of_all_passes_only_if_there_are_any(capsys, refined):
     bench = make_bench()
     settings = tuple(dataclasses.replace(setting, refined_steps=refined) for setting in bench.settings)
     table = bench_table(dataclasses.replace(bench, settings=settings))
@@ -200,12 +189,6 @@ def test_model_file_and_position_are_those_of_the_models(run, tmp_path):
     assert sidecar["provenance"]["inputs_sha256"] == {"model: mine.yaml": sha256(tmp_path / "mine.yaml")}
 
 
-def test_one_format_and_no_collision_spheres(run, tmp_path):
-    assert run("export", "--format", "sdf", "--no-collision", "--out", tmp_path)[0] == 0
-    assert {path.suffix for path in tmp_path.glob("[!.]*")} == {".sdf", ".yaml"}
-    assert "<collision" not in (tmp_path / "vsf_foot.sdf").read_text(encoding="utf-8")
-
-
 def test_a_folder_of_other_things_is_refused_and_an_earlier_export_replaced(run, tmp_path):
     (tmp_path / "thesis.txt").write_text("mine", encoding="utf-8")
     (tmp_path / "vsf_foot.sdf").write_text("mine", encoding="utf-8")
@@ -214,8 +197,9 @@ def test_a_folder_of_other_things_is_refused_and_an_earlier_export_replaced(run,
     assert (tmp_path / "vsf_foot.sdf").read_text(encoding="utf-8") == "mine"
     out = tmp_path / "out"
     assert run("export", "--out", out)[0] == 0
-    assert run("export", "--out", out, "--fulcrum-mm", 80)[0] == 0
-    assert not list(out.glob("*108mm*"))
+    assert run("export", "--out", out, "--format", "sdf", "--no-collision", "--fulcrum-mm", 80)[0] == 0
+    assert {path.name for path in out.glob("[!.]*")} == {"vsf_foot.sdf", "vsf_foot_at_80mm.sdf", "export.yaml"}
+    assert "<collision" not in (out / "vsf_foot.sdf").read_text(encoding="utf-8")
     (out / RECORD_FILE).unlink()
     assert run("export", "--out", out)[0] == 0
 
@@ -224,12 +208,12 @@ def test_a_folder_of_other_things_is_refused_and_an_earlier_export_replaced(run,
 
 
 def test_a_subject_stands_and_the_folder_says_how(run, subject, tmp_path):
-    code, out, _ = run("stand", subject, "--out", tmp_path / "stand")
+    code, out, _ = run("stand", subject, "--out", tmp_path / "stand", "--duration-s", 4)
     assert code == 0
     assert sorted(p.name for p in (tmp_path / "stand").glob("[!.]*")) == [
         "standing.json", "standing.png", "standing.svg"]
     table = read_json(tmp_path / "stand" / "standing.json")
-    assert table["duration_s"] == pytest.approx(10.0)
+    assert table["duration_s"] == pytest.approx(4.0)
     assert table["weight_n"] == pytest.approx(78.0 * 9.81)
     assert table["mean_vertical_n"] == pytest.approx(table["weight_n"], rel=0.01)
     assert table["drift_mm"] < 1.0

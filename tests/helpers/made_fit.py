@@ -7,20 +7,23 @@ from typing import Any
 
 import numpy as np
 from made_results import make_plate, make_walk
+from vsf_drake.motion.trial_record import Trial
 
 from vsf_drake.analysis.contact_fit.assessment import BenchRow, Beside, LeftOut, TrialCurves, TrialScore
 from vsf_drake.analysis.contact_fit.paper import PaperState
+from vsf_drake.analysis.contact_fit.solution import NoiseRatio
 from vsf_drake.analysis.contact_fit.solve import Direction, DirectionPart, FitSearch, Pair, Uncertainty
 from vsf_drake.analysis.contact_fit.table import (
     FitTable,
     FittedPerson,
     FitTrialRow,
-    NoiseRatio,
     ParameterRow,
     SmoothErrorRow,
 )
 from vsf_drake.analysis.fulcrum_sweep import swept
 from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.files import resource
+from vsf_drake.motion.trial import load_trial
 
 ODD = "<b>odd</b> $x_$ ü"
 """A label that is neither HTML nor a formula."""
@@ -29,6 +32,11 @@ METRICS = replace(
     walk_metrics(make_walk(), make_plate()), grf_rmse_bw=0.02, grf_r2=0.99, fore_aft_rmse_bw=0.01, cop_rmse_fl=0.03,
     impulse_rmse_bws=0.004, stance_model_s=0.59, stance_measured_s=0.6, scored_window_s=((0.1, 1.1),),
     null_model_grf_rmse_bw=0.05)
+
+
+def recording(name: str) -> Trial:
+    """A walk of the reference subject."""
+    return load_trial(resource(f"data/reference_subject/exact/{name}.yaml"))
 
 
 def made_curves(*, cop: bool = True) -> TrialCurves:
@@ -46,16 +54,16 @@ def made_trial(label: str = "soft", role: str = "fitted", fulcrum_mm: float = 66
     score = TrialScore(**{
         "label": label, "role": role, "metrics": METRICS, "curves": made_curves(), "floor_grf_rmse_bw": 0.01,
         "sweep": replace(swept(POSITIONS, errors, true_m=1e-3 * fulcrum_mm), best_mm=fulcrum_mm, right=True)} | changes)
-    return FitTrialRow(label=label, name=f"trial {label}", file=f"{label}.yaml", role=role, synthetic=synthetic,
-                       fulcrum_mm=fulcrum_mm, window_s=(0.0, 1.2), notes=(), score=score if judged else None)
+    return FitTrialRow(label=label, file=f"{label}.yaml", role=role, synthetic=synthetic,
+                       fulcrum_mm=fulcrum_mm, notes=(), score=score if judged else None)
 
 
 def made_parameter(name: str, value: float = 0.5, **changes: Any) -> ParameterRow:
     """A row of a free parameter whose prior is 0 within 1."""
     row = ParameterRow(
-        name=name, unit="m", value=value, start=0.0, standard_error=0.3, interval_95=(value - 0.6, value + 0.6),
+        name=name, unit="m", value=value, start=0.0, interval_95=(value - 0.6, value + 0.6),
         share_of_prior=0.3, spread_over_starts=0.01, value_in_prior_sd=value, low=-4.0, high=4.0, prior_mean=0.0,
-        interval_in_prior_sd=(value - 0.6, value + 0.6), prior_scale=1.0, prior=True)
+        interval_in_prior_sd=(value - 0.6, value + 0.6), prior_scale=1.0)
     return replace(row, **changes)
 
 
@@ -77,6 +85,8 @@ BENCH = BenchRow(
     name="a foot", synthetic=False, max_load_n=600.0, fulcrum_mm=(66.0, 151.0), mid_range=None,
     stiffness=Beside(uncertainty=0.5, measured=(10.0, 32.0), model=(10.4, 31.0), heel_measured=65.0, heel_model=64.0,
                      rmse=0.762))
+MID_RANGE = Beside(uncertainty=0.5, measured=(31.0, 9.5), model=(31.25, 9.0), heel_measured=5.0, heel_model=7.0,
+                   rmse=0.3953)
 
 
 def made_uncertainty(**changes: Any) -> Uncertainty:
@@ -103,21 +113,19 @@ def made_fit(**changes: Any) -> FitTable:
         left_out=(LeftOut(kind="trial", left_out=("soft",), grf_rmse_bw=0.04, cop_rmse_fl=None),
                   LeftOut(kind="trial", left_out=("stiff",), grf_rmse_bw=None, cop_rmse_fl=None,
                           failed="the fit failed")),
-        parameters=PARAMETERS, curves=(SmoothErrorRow(coordinate="knee_angle_r", largest_deg=0.4,
-                                                      at_percent_of_cycle=30.0),),
-        uncertainty=made_uncertainty(), noise_ratios=(NoiseRatio(trial="soft", series="vertical", ratio=0.4),),
-        searches=SEARCHES, best_search=0, options={"starts": 3, "noise": {"vertical": 0.025}}, seed=0, wall_s=12.0,
+        parameters=PARAMETERS, curves=(SmoothErrorRow(coordinate="knee_angle_r", largest_deg=0.4),),
+        uncertainty=made_uncertainty(), noise_ratios=(NoiseRatio("soft", "vertical", 0.4),),
+        searches=SEARCHES, best_search=0, options={"starts": 3, "noise": {"vertical": 0.025}}, wall_s=12.0,
         versions={"drake": "1.51"}, inputs_sha256={"soft: soft.yaml": "0" * 64}, series=("vertical",))
     return replace(table, **changes)
 
 
 def failed_fit(**changes: Any) -> FitTable:
     """What is left of it where the fit failed."""
-    unknown = replace(BENCH, stiffness=replace(BENCH.stiffness, model=None, heel_model=None, rmse=None))
     return made_fit(**{
         "success": False, "message": "no <search> converged", "verdict": (), "left_out": (), "parameters": (),
         "searches": SEARCHES[1:], "best_search": 1, "wall_s": None, "uncertainty": None, "curves": (),
-        "noise_ratios": (), "bench": unknown, "trials": (made_trial(judged=False),)} | changes)
+        "noise_ratios": (), "bench": replace(BENCH, stiffness=None), "trials": (made_trial(judged=False),)} | changes)
 
 
 def paper_fit(**changes: Any) -> FitTable:

@@ -67,8 +67,6 @@ class StanceMetrics:
     model_start_s: float | None
     model_end_s: float | None
     complete: bool  # the measured stance lies inside the simulated time as a whole
-    scored_s: tuple[float, float]
-    cop_points: int  # percents of the stance at which both have a centre of pressure
     model_peaks_bw: Peaks
     measured_peaks_bw: Peaks
 
@@ -242,8 +240,7 @@ def _stance(c: Comparison, item: StanceComparison, model: np.ndarray, measured: 
         measured_start_s=item.measured.start_s, measured_end_s=item.measured.end_s,
         model_start_s=item.model.start_s if item.model and item.model.start_seen else None,
         model_end_s=item.model.end_s if item.model and item.model.end_seen else None,
-        complete=item.inside, scored_s=item.span, cop_points=int(np.count_nonzero(np.isfinite(item.model_cop[:, 0]))),
-        model_peaks_bw=peaks(model), measured_peaks_bw=peaks(measured))
+        complete=item.inside, model_peaks_bw=peaks(model), measured_peaks_bw=peaks(measured))
 
 
 def _joined(parts: Sequence[np.ndarray], width: int = 1) -> np.ndarray:

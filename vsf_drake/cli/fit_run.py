@@ -29,7 +29,6 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import read_json, sha256, write_json
 from vsf_drake.motion.trial import Trial
 from vsf_drake.report.fit_output import FIT, clear_fit, write_fit
-from vsf_drake.schema import to_plain
 from vsf_drake.simulation.walk import Walker
 
 _SEARCHED, _SCORED, _REFITTED = 0.6, 0.85, 0.95
@@ -60,13 +59,12 @@ def make_task(
 ) -> FitTask:
     """What the command's options ask for, after making sure, before the long part, that all of it can be fitted."""
     bench = None if bench_file is None else load_measured_bench(bench_file)
-    asked: dict[str, object] = {"seed": seed, "free": tuple(free), "freeze": tuple(freeze), "paths": paths,
-                                "damping_by_zone": damping_by_zone}
+    asked: dict[str, object] = {}
     options: ContactFitOptions | PaperOptions
     if strategy == PAPER:
         options = PaperOptions(seed=seed)
-        asked = to_plain(options)
     else:
+        asked = {"free": tuple(free), "freeze": tuple(freeze), "paths": paths, "damping_by_zone": damping_by_zone}
         default = ContactFitOptions()
         options = ContactFitOptions(
             series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())), seed=seed,
@@ -185,10 +183,14 @@ def with_frozen(parameters: FitParameters, free: Sequence[str], freeze: Sequence
     Where several patterns fit a parameter, the longest decides: --freeze 'socket.*' --free socket.tz.stiffness.
     """
     names, items = list(parameters.by_name), []
+    families = [f"{family}.*" for family in dict.fromkeys(name.split(".")[0] for name in names)]
     given = [("--free", pattern, False) for pattern in free] + [("--freeze", pattern, True) for pattern in freeze]
     for option, pattern, _ in given:
         if not any(_fits(pattern, name) for name in names):
-            raise InputError(f"there is no parameter {pattern!r}", where=option, right=_near(pattern, names))
+            near = difflib.get_close_matches(pattern, [*names, *families], n=3)
+            raise InputError(f"there is no parameter {pattern!r}", where=option, right=(
+                f"Did you mean {', '.join(near)}?" if near else
+                f"There are {', '.join(families)}; fit.json of any fit lists them all"))
     for item in parameters.items:
         fitting = [(len(pattern), frozen) for _, pattern, frozen in given if _fits(pattern, item.name)]
         items.append(dataclasses.replace(item, frozen=max(fitting)[1]) if fitting else item)
@@ -199,13 +201,3 @@ def with_frozen(parameters: FitParameters, free: Sequence[str], freeze: Sequence
 
 def _fits(pattern: str, name: str) -> bool:
     return name.startswith(pattern[:-1]) if pattern.endswith("*") else name == pattern
-
-
-def _near(pattern: str, names: Sequence[str]) -> str:
-    prefixes = dict.fromkeys(".".join(name.split(".")[:i]) for name in names for i in range(1, name.count(".") + 1))
-    known = {**{name: name for name in names}, **{prefix: f"{prefix}.*" for prefix in prefixes}}
-    near = difflib.get_close_matches(pattern.rstrip("*."), known, n=3, cutoff=0.6)
-    if near:
-        return f"Did you mean {', '.join(known[name] for name in near)}?"
-    families = dict.fromkeys(name.split(".")[0] for name in names)
-    return f"Their names begin with {', '.join(families)}; fit.json of any fit lists them all"

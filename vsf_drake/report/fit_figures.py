@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from vsf_drake.analysis.fulcrum_sweep import FulcrumSweep
 from vsf_drake.report.page import number
 from vsf_drake.report.style import (
-    HEEL_COLOUR,
     MARKERS,
     MEASURED,
     NEUTRAL,
@@ -32,15 +31,12 @@ from vsf_drake.report.style import (
 if TYPE_CHECKING:  # these import Drake, which takes longer than to draw
     from vsf_drake.analysis.contact_fit.assessment import BenchRow, Beside, TrialScore
     from vsf_drake.analysis.contact_fit.paper import PaperState
-    from vsf_drake.analysis.contact_fit.solve import FitSearch
     from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, ParameterRow
 
 LONGEST = 60
 """Letters of a trial's label in a file name."""
-MOST_ROWS, MOST_NAMES = 45, 40
-"""Of the smooth errors, of more of which the largest are shown, and of the correlations."""
-TOLD = 0.3
-"""Least correlation that is written into its cell."""
+MOST_ROWS = 45
+"""Smooth errors, of more of which the largest are shown."""
 _FITTED, _GOOD, _BAD = "fitted", "#1f6f8b", "#b3261e"
 _PUBLISHED = "0.9"
 _PRIOR = ((2.0, "0.95"), (1.0, "0.87"))
@@ -62,15 +58,11 @@ def fit_figures(table: FitTable) -> dict[str, Figure]:
     for i, trial in enumerate(table.trials):
         if trial.score is not None:
             figures[trial_name(i, trial)] = fit_trial_figure(trial, trial.score)
-    if table.bench is not None and table.bench.stiffness.model is not None:
+    if table.bench is not None and table.bench.stiffness is not None:
         figures["bench"] = fit_bench_figure(table.bench)
     if table.uncertainty is not None:
-        figures["parameters"] = fit_parameter_figure(table.parameters, table.uncertainty.unidentified_above_share)
-        figures["correlations"] = fit_correlation_figure(table.uncertainty.names, table.uncertainty.correlation)
-        figures["singular_values"] = fit_singular_figure(table.uncertainty.singular_values)
-    if table.searches:
-        figures["searches"] = fit_search_figure(table.searches, table.best_search)
-    elif table.paper is not None and table.paper.history:
+        figures["parameters"] = fit_parameter_figure(table.parameters, table.uncertainty.unidentified)
+    if table.paper is not None and table.paper.history:
         figures["searches"] = paper_search_figure(table.paper)
     return figures
 
@@ -97,33 +89,22 @@ def _finish(figure: Figure, handles: Sequence[Artist], columns: int, *, syntheti
         figure.suptitle("SYNTHETIC trials, not recorded", x=0.01, ha="left", fontsize=11)
 
 
-def _decades(axes: Axes) -> None:
-    """A logarithmic y axis, labelled at its major ticks alone."""
-    log_scale(axes.yaxis)
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-
-
 def fit_bench_figure(bench: BenchRow) -> Figure:
-    """The fitted foot in the testing machine beside the measurement: stiffness, and mid-range displacement where it was
-    measured, over the fulcrum's position; ValueError where the model's are not known."""
-    rows = [("stiffness", "N/mm", bench.stiffness)]
-    if bench.mid_range is not None:
-        rows.append(("mid-range displacement", "mm", bench.mid_range))
+    """The fitted foot's forefoot in the testing machine beside the measurement: stiffness, and mid-range displacement
+    where it was measured, over the fulcrum's position."""
+    rows = [(name, unit, quantity) for name, unit, quantity in (
+        ("stiffness", "N/mm", bench.stiffness), ("mid-range displacement", "mm", bench.mid_range)) if quantity]
+    synthetic = " (SYNTHETIC)" if bench.synthetic else ""
     with drawing(7.6, 4.0 * len(rows)) as figure:
-        pairs = figure.subplots(len(rows), 2, width_ratios=(3.0, 1.0), squeeze=False)
-        for (left, right), (name, unit, quantity) in zip(pairs, rows, strict=True):
-            _forefoot(left, bench, quantity, f"{name} ({unit})", unit)
-            _heel(right, quantity)
-            label(right, x="heel (one position)", y=f"{name} ({unit})", title="Heel")
+        for axes, (name, unit, quantity) in zip(figure.subplots(len(rows), squeeze=False)[:, 0], rows, strict=True):
+            _bench(axes, bench.fulcrum_mm, quantity, unit)
+            label(axes, x="fulcrum from the keel's posterior end (mm)", y=f"{name} ({unit})",
+                  title=f"Forefoot{synthetic}, RMS difference {quantity.rmse:.2f} {unit}")
     return figure
 
 
-def _forefoot(axes: Axes, bench: BenchRow, quantity: Beside, y: str, unit: str) -> None:
-    if quantity.model is None:
-        raise ValueError("the fit was not judged by its bench")
+def _bench(axes: Axes, x: Sequence[float], quantity: Beside, unit: str) -> None:
     measured, model = quantity.measured, quantity.model
-    x: Sequence[float] = bench.fulcrum_mm
     solid: dict[str, Any] = {"color": "0.6", "linewidth": 2.4}
     dashed: dict[str, Any] = {"color": "0.2", "linewidth": 1.4, "linestyle": (0, (4, 1.6))}
     axes.plot(x, measured, zorder=1, **solid)
@@ -142,24 +123,6 @@ def _forefoot(axes: Axes, bench: BenchRow, quantity: Beside, y: str, unit: str) 
     axes.set_ylim(0.0, 1.2 * max(*measured, *model))
     axes.margins(x=0.1)
     axes.legend(loc="upper right" if measured[-1] < measured[0] else "upper left")
-    synthetic = " (SYNTHETIC)" if bench.synthetic else ""
-    label(axes, x="fulcrum from the keel's posterior end (mm)", y=y,
-          title=f"Forefoot{synthetic}, RMS difference {quantity.rmse:.2f} {unit}")
-
-
-def _heel(axes: Axes, quantity: Beside) -> None:
-    measured, model = quantity.heel_measured, quantity.heel_model
-    axes.set_xticks([])
-    if measured is None or model is None:
-        axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center")
-        return
-    axes.errorbar(-0.35, measured, yerr=2.0 * quantity.uncertainty, color="0.6", marker="_", markersize=22,
-                  markeredgewidth=3.0, capsize=4)
-    axes.plot(0.35, model, marker="*", color=HEEL_COLOUR, markersize=11, markerfacecolor="white", markeredgewidth=1.4)
-    axes.annotate(number(model - measured, "{:+.2f}"), (0.35, model), xytext=(0, 10), textcoords="offset points",
-                  ha="center", fontsize=8)
-    axes.set_xlim(-1.0, 1.0)
-    axes.set_ylim(0.0, 1.25 * max(measured, model))
 
 
 def fit_error_figure(table: FitTable) -> Figure:
@@ -171,26 +134,24 @@ def fit_error_figure(table: FitTable) -> Figure:
          {"marker": "D", "color": NEUTRAL, "markersize": 5.5, "markerfacecolor": "white"}),
         ("floor: the true foot on this motion", [score.floor_grf_rmse_bw for _, score in rows],
          {"marker": "|", "color": "black", "markersize": 12, "markeredgewidth": 1.8})]
-    panels: list[tuple[list[float | None], tuple[float, float] | None, str, str]] = [
-        ([score.metrics.grf_rmse_bw for _, score in rows], table.published.other_grf_rmse_bw,
-         "RMS error (% body weight)", "Resultant force"),
-        ([score.metrics.fore_aft_rmse_bw for _, score in rows], None,  # of which the paper says nothing
-         "RMS error (% body weight)", "Fore-aft force"),
-        ([score.metrics.cop_rmse_fl for _, score in rows], table.published.cop_rmse_fl,
-         "RMS error (% foot length)", "Centre of pressure, fore-aft")]
+    published = table.published
+    panels: list[tuple[str, tuple[float, float] | None, str, str]] = [
+        ("grf_rmse_bw", published.other_grf_rmse_bw, "body weight", "Resultant force"),
+        ("fore_aft_rmse_bw", None, "body weight", "Fore-aft force"),  # of which the paper says nothing
+        ("cop_rmse_fl", published.cop_rmse_fl, "foot length", "Centre of pressure, fore-aft")]
     with drawing(11.0, max(2.6, 1.7 + 0.27 * len(rows))) as figure:
         all_axes = figure.subplots(1, 3, sharey=True, width_ratios=(1.5, 1.0, 1.0))
         first = all_axes[0]
-        first.axvline(100.0 * table.published.fitted_grf_rmse_bw, color=NEUTRAL, linewidth=1.0, linestyle=":", zorder=0)
+        first.axvline(100.0 * published.fitted_grf_rmse_bw, color=NEUTRAL, linewidth=1.0, linestyle=":", zorder=0)
         for _, values, look in beside:
             for y, value in enumerate(values):
                 if value is not None:
                     first.plot(100.0 * value, y, **look)
-        for axes, (errors, band, x, title) in zip(all_axes, panels, strict=True):
+        for axes, (name, band, unit, title) in zip(all_axes, panels, strict=True):
             if band is not None:
                 axes.axvspan(100.0 * band[0], 100.0 * band[1], color=_PUBLISHED, linewidth=0.0, zorder=0)
-            for y, ((trial, _), error) in enumerate(zip(rows, errors, strict=True)):
-                if error is not None:
+            for y, (trial, score) in enumerate(rows):
+                if (error := getattr(score.metrics, name)) is not None:
                     colour = colour_of(trial.fulcrum_mm)
                     axes.plot([0.0, 100.0 * error], [y, y], color=colour, linewidth=1.2, alpha=0.6)
                     axes.plot(100.0 * error, y, marker="o", color=colour, markersize=7, markeredgewidth=1.8,
@@ -198,7 +159,7 @@ def fit_error_figure(table: FitTable) -> Figure:
             axes.set_xlim(left=0.0)
             axes.margins(x=0.08)
             axes.xaxis.set_major_locator(MaxNLocator(5))
-            label(axes, x=x, y="", title=title)
+            label(axes, x=f"RMS error (% {unit})", y="", title=title)
         first.set_yticks(range(len(rows)), [f"{t.label}, {t.role}, {t.fulcrum_mm:g} mm" for t, _ in rows])
         first.set_ylim(len(rows) - 0.4, -0.6)
         first.set_ylabel("trial (one row each)")
@@ -213,51 +174,9 @@ def fit_error_figure(table: FitTable) -> Figure:
     return figure
 
 
-def fit_correlation_figure(names: Sequence[str], matrix: np.ndarray) -> Figure:
-    """Correlations (P, P) of the errors; coefficients of smooth curves are left out unless there is nothing else."""
-    rows = [i for i, name in enumerate(names) if not is_smooth(name)]
-    rows = (rows if len(rows) > 1 else [*range(len(names))])[:MOST_NAMES]
-    shown, matrix = [names[i] for i in rows], matrix[np.ix_(rows, rows)]
-    size = 2.9 + 0.29 * len(rows)
-    with drawing(size + 0.8, size) as figure:
-        axes = figure.subplots()
-        image = axes.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-        axes.set_xticks(range(len(rows)), shown, rotation=90, fontsize=7.5)
-        axes.set_yticks(range(len(rows)), shown, fontsize=7.5)
-        axes.grid(False)
-        for i, j in zip(*np.nonzero(np.abs(matrix) >= TOLD), strict=True):
-            if i != j:
-                axes.text(j, i, f"{100 * matrix[i, j]:+.0f}", ha="center", va="center", fontsize=6.5,
-                          color="white" if abs(matrix[i, j]) > 0.7 else "black")
-        bar = figure.colorbar(image, ax=axes, shrink=0.5, pad=0.02)
-        bar.set_label("correlation (1); in the cells in percent")
-        label(axes, x="parameter (one column each)", y="parameter (one row each)", title="Correlation of errors")
-    return figure
-
-
-def fit_singular_figure(values: np.ndarray) -> Figure:
-    """Singular values (P,) of the data's Jacobian by the parameters in prior standard deviations."""
-    numbers, known, shown = np.arange(1, len(values) + 1), values >= 1.0, np.maximum(values, 1e-3)
-    with drawing(7.6, 3.4) as figure:
-        axes = figure.subplots()
-        axes.axhline(1.0, color=NEUTRAL, linewidth=1.2, linestyle="--")
-        axes.vlines(numbers, 1.0, shown, color="0.75", linewidth=1.0)
-        axes.plot(numbers[known], shown[known], linestyle="", marker="o", color=_GOOD,
-                  label=f"told by the data more than by the prior ({known.sum()})")
-        axes.plot(numbers[~known], shown[~known], linestyle="", marker="o", color=NEUTRAL, markerfacecolor="white",
-                  label=f"told less ({(~known).sum()})")
-        _decades(axes)
-        axes.set_ylim(bottom=0.7e-3 if shown.min() <= 1e-3 else None)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.legend(loc="upper right")
-        label(axes, x="direction (number)", y="data over prior (1)",
-              title="Singular values" + (", below 0.001 drawn at 0.001" if values.min() < 1e-3 else ""))
-    return figure
-
-
-def fit_parameter_figure(parameters: Sequence[ParameterRow], share: float) -> Figure:
+def fit_parameter_figure(parameters: Sequence[ParameterRow], unidentified: Collection[str]) -> Figure:
     """Value and 95 % interval of each free parameter in standard deviations of what was believed of it before; hollow
-    where its error is above this share of the prior's."""
+    where it is not identified."""
     free = [(row, value) for row in parameters if (value := row.value_in_prior_sd) is not None]
     smooth = [pair for pair in free if is_smooth(pair[0].name)]
     largest = sorted(smooth, key=lambda pair: -abs(pair[1]))[:MOST_ROWS]
@@ -267,27 +186,27 @@ def fit_parameter_figure(parameters: Sequence[ParameterRow], share: float) -> Fi
         (sorted(largest, key=lambda pair: pair[0].name), f"Smooth errors of the motion{of}")) if rows]
     with drawing(5.6 * len(columns), max(3.2, 1.5 + 0.19 * max(len(rows) for rows, _ in columns))) as figure:
         for axes, (rows, title) in zip(figure.subplots(1, len(columns), squeeze=False)[0], columns, strict=True):
-            _parameters(axes, rows, share)
+            _parameters(axes, rows, unidentified)
             label(axes, x="from the prior's mean (its standard deviations)", y="parameter (one row each)", title=title)
         handles: list[Artist] = [
             Patch(facecolor=_PRIOR[1][1], label="prior, ± 1 standard deviation (lighter: ± 2)"),
             Line2D([], [], color=_GOOD, marker="o", label="fitted value and 95 % interval"),
             Line2D([], [], color=NEUTRAL, marker="o", markerfacecolor="white",
-                   label=f"not identified: error above {share:g} of the prior's")]
+                   label="not identified: mostly what was believed before")]
         if any(row.at_bound for row, _ in free):
             handles.append(Line2D([], [], color=_BAD, marker="s", label="at a bound"))
         _finish(figure, handles, 2)
     return figure
 
 
-def _parameters(axes: Axes, rows: Sequence[tuple[ParameterRow, float]], share: float) -> None:
+def _parameters(axes: Axes, rows: Sequence[tuple[ParameterRow, float]], unidentified: Collection[str]) -> None:
     for width, shade in _PRIOR:
         axes.axvspan(-width, width, color=shade, linewidth=0.0, zorder=0)
     axes.axvline(0.0, color="0.7", linewidth=0.8)
     ends = [abs(end) for row, value in rows for end in (*(row.interval_in_prior_sd or ()), value)]
     reach = max(2.4, min(_WIDEST, 1.08 * max(ends)))
     for y, (row, value) in enumerate(rows):
-        known = row.share_of_prior is not None and row.share_of_prior <= share
+        known = row.name not in unidentified
         colour = _BAD if row.at_bound else _GOOD if known else NEUTRAL
         axes.plot(row.interval_in_prior_sd or (), [y, y], color=colour, linewidth=1.6)
         axes.plot(value, y, marker="s" if row.at_bound else "o", color=colour, markersize=5,
@@ -314,35 +233,6 @@ def paper_search_figure(state: PaperState) -> Figure:
     return figure
 
 
-def fit_search_figure(searches: Sequence[FitSearch], best: int | None) -> Figure:
-    """The cost of each search, at its start and its end; a cross at the foot where the walk fails."""
-    with drawing(7.6, 3.4) as figure:
-        axes = figure.subplots()
-        for i, s in enumerate(searches):
-            if not np.isfinite(s.cost):
-                axes.plot(i + 1, 0.04, marker="x", color=_BAD, markersize=9, markeredgewidth=2.2,
-                          transform=axes.get_xaxis_transform())
-                continue
-            axes.plot([i + 1, i + 1], [s.start_cost, s.cost], color=NEUTRAL, linewidth=1.0, zorder=1)
-            axes.plot(i + 1, s.start_cost, marker="o", color=NEUTRAL, markerfacecolor="white", markersize=7)
-            axes.plot(i + 1, s.cost, marker=("*" if i == best else "o") if s.success else "x",
-                      color=_GOOD if s.success else _BAD, markersize=13 if i == best else 8, markeredgewidth=1.8)
-            axes.annotate(f"{s.cost:.1f}", (i + 1, s.cost), xytext=(9, 0), textcoords="offset points", va="center",
-                          fontsize=8)
-        if any(np.isfinite(s.cost) for s in searches):
-            _decades(axes)
-        axes.set_xlim(0.5, len(searches) + 0.7)
-        axes.margins(y=0.15)
-        handles = [_dot("start", color=NEUTRAL, markerfacecolor="white"), _dot("end", color=_GOOD),
-                   _dot("end, taken", "*", color=_GOOD, markersize=12)]
-        if not all(s.success for s in searches):
-            handles.append(_dot("end, not converged", "x", color=_BAD, markeredgewidth=1.8))
-        _finish(figure, handles, 4)
-        label(axes, x="search (number)", y="cost (half the sum of squares, 1)", title="Searches from different starts")
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    return figure
-
-
 def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
     """Of one trial, measured and of the fitted model: resultant and fore-aft force over time, and the centre of
     pressure over the first stance."""
@@ -356,7 +246,7 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
     looks: list[dict[str, Any]] = [{"color": colour, **MEASURED}, {"color": colour, **SIMULATED}]
     with drawing(11.0, 3.1) as figure:
         panels = figure.subplots(1, 3)
-        windows = metrics.scored_window_s or ((float(curves.time_s[0]), float(curves.time_s[-1])),)
+        windows = metrics.scored_window_s or ((curves.time_s[0], curves.time_s[-1]),)
         for axes, (name, forward, pair, error) in zip(panels, forces, strict=False):
             axes.axhline(0.0, color="0.7", linewidth=0.8)
             for force, look in zip(pair, looks, strict=True):
@@ -409,7 +299,9 @@ def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
             axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
             label(axes, x="fulcrum from the keel's end (mm)", y="resultant, RMS error (% BW)",
                   title=f"Trials at {setting:g} mm")
-        _decades(panels[0])
+        log_scale(panels[0].yaxis)
+        panels[0].yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
+        panels[0].yaxis.set_minor_formatter(NullFormatter())
         panels[0].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         for axes in panels[len(settings):]:
             axes.set_axis_off()

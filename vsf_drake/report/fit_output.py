@@ -8,7 +8,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from vsf_drake.analysis.contact_fit.assessment import PAPER_MID_RANGE_MM, Beside, TrialScore
+from vsf_drake.analysis.contact_fit.assessment import Beside, TrialScore
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
 from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, ParameterRow, fit_arrays, fit_json
 from vsf_drake.contact_file import FittedContact, save_contact
@@ -90,8 +90,6 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
     kind = "contact fit" if joint else "contact fit by the paper's procedure"
     title = f"{kind}, {table.subject.name}{' (SYNTHETIC)' if table.synthetic else ''}"
     own = own_parameters(table)
-    options = dict(sorted(table.options.items()))
-    options.setdefault("seed", table.seed)
     return str(render(
         "fit.html.j2", fit=table, figures=figures, synthetic=synthetic_of(table),
         title=title[0].upper() + title[1:] if table.success else f"FAILED: {title}", judged=bool(scores),
@@ -101,10 +99,8 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
         floor_known=any(score.floor_grf_rmse_bw is not None for score in scores),
         sweep_known=any(score.sweep is not None for score in scores),
         curves=[name for i, trial in enumerate(table.trials) if (name := trial_name(i, trial)) in figures],
-        mid_range_mm=PAPER_MID_RANGE_MM,
         bench_rows=[] if bench is None else _bench_rows(bench.fulcrum_mm, bench.stiffness),
-        mid_range_rows=[] if bench is None or bench.mid_range is None else _bench_rows(
-            bench.fulcrum_mm, bench.mid_range),
+        mid_range_rows=[] if bench is None else _bench_rows(bench.fulcrum_mm, bench.mid_range),
         own_rows=[_parameter(row, table) if joint else
                   (row.name, shown_value(row, row.value), shown_value(row, row.start), shown_unit(row))
                   for row in (own if joint else table.parameters)],
@@ -123,13 +119,13 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
         search_rows=[(str(i), _cost(s.start_cost), _cost(s.cost), str(s.evaluations), str(s.failed),
                       "yes" if s.success else "NO", s.message) for i, s in enumerate(table.searches, start=1)],
         option_rows=[*((name, said(dict(sorted(value.items())) if isinstance(value, Mapping) else value))
-                       for name, value in options.items()),
+                       for name, value in sorted(table.options.items())),
                      ("wall time (s)", number(table.wall_s, "{:.1f}"))]))
 
 
-def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside) -> list[tuple[str, ...]]:
+def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside | None) -> list[tuple[str, ...]]:
     """Measured, fitted and difference at each position and the heel; none where nothing was judged."""
-    if quantity.model is None:
+    if quantity is None:
         return []
     rows = [(f"{x:g}", k, fitted) for x, k, fitted in zip(fulcrum_mm, quantity.measured, quantity.model, strict=True)]
     if quantity.heel_measured is not None and quantity.heel_model is not None:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from made_fit import METRICS, made_curves, made_search, made_uncertainty
+from made_fit import METRICS, made_curves, made_search, made_uncertainty, recording
 
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.contact_fit import assessment as module
@@ -30,14 +30,11 @@ from vsf_drake.analysis.contact_fit.solve import Pair
 from vsf_drake.analysis.fulcrum_sweep import RIGHT_WITHIN_M, FulcrumSweep
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.errors import FitError, SimulationError
-from vsf_drake.files import resource
-from vsf_drake.motion.trial import load_trial
 
 
 @pytest.fixture(scope="module")
 def trials():
-    return {name: load_trial(resource(f"data/reference_subject/exact/{name}.yaml"))
-            for name in ("low_1", "low_2", "medium_1", "high_1")}
+    return {name: recording(name) for name in ("low_1", "low_2", "medium_1", "high_1")}
 
 
 class Model:
@@ -93,7 +90,7 @@ def test_scores_are_the_metrics_of_fitted_and_held_out_trials_beside_the_best_nu
     held, mean = found.mean("held out", "grf_rmse_bw"), found.mean("fitted", "grf_rmse_bw")
     assert held == found.scores[2].metrics.grf_rmse_bw
     assert mean == pytest.approx(np.mean([s.metrics.grf_rmse_bw for s in found.scores[:2]]))
-    assert found.mean("expected", "grf_rmse_bw") is None and found.left_out == () and found.bench is None
+    assert found.left_out == () and found.bench is None
     alone = assess(Model(fit_walker, fitted[:1]), [fitted[1]], sweep=False).scores
     assert alone[0].metrics.null_model_grf_rmse_bw is None and alone[1].metrics.null_model_grf_rmse_bw > 0.0
 
@@ -127,7 +124,7 @@ def failing(error, where):
     return walk
 
 
-@pytest.mark.parametrize("best", [0.07, 0.1234, 0.148])
+@pytest.mark.parametrize("best", [0.07, 0.1234])
 def test_sweep_finds_the_vertex_of_an_exact_parabola_between_its_positions(sweep_of, trials, best):
     found = sweep_of(parabola(best), best + 0.9 * RIGHT_WITHIN_M)
     assert found.best_mm == pytest.approx(1e3 * best, abs=1e-6)
@@ -182,17 +179,13 @@ def scored(monkeypatch):
 
 def test_each_trial_and_each_stiffness_is_left_out_once(scored, trials):
     model = Refitting([trials[name] for name in ("low_1", "low_2", "high_1")])
-    steps = []
-    found = assess(model, sweep=False, progress=lambda what, share: steps.append((what, share))).left_out
+    found = assess(model, sweep=False).left_out
     assert [(row.kind, row.left_out) for row in found] == [
         ("trial", ("low_1",)), ("trial", ("low_2",)), ("trial", ("high_1",)),
         ("stiffness", ("low_1", "low_2")), ("stiffness", ("high_1",))]
     assert [row.grf_rmse_bw for row in found] == pytest.approx([0.066, 0.066, 0.151, 0.066, 0.151])
     assert all(row.cop_rmse_fl is None and not row.failed for row in found)
     assert len(model.fitted_without) == 4, "the one stiff trial is a trial and a stiffness, fitted without once"
-    assert [what for what, _ in steps][:4] == ["scoring low_1", "scoring low_2", "scoring high_1",
-                                               "fitting without low_1"]
-    assert all(0.0 <= share < 1.0 for _, share in steps)
 
 
 def test_nothing_is_left_out_of_one_trial_stiffness_or_of_the_papers_fit_and_failures_are_told(scored, trials):
@@ -230,10 +223,10 @@ def test_the_bench_is_scored_in_newtons_per_millimetre_and_millimetres_with_the_
 
     def score(bench, heel=True):
         end = None if heel else -1
-        return bench_score(SimpleNamespace(
-            fit=SimpleNamespace(bench=bench),
-            bench_stiffness=lambda: (stiffness + 1e3 * np.array([1.0, -1.0, 0.0, 2.0, 0.0, 5.0]))[:end],
-            bench_displacement=lambda: (displaced + 1e-3 * np.array([0.3, -0.3, 0.0, 0.4, 0.0, 2.0]))[:end]))
+        return bench_score(SimpleNamespace(all_values=lambda label: {}, fit=SimpleNamespace(
+            bench=bench, machine=SimpleNamespace(
+                evaluate=lambda values: ((stiffness + 1e3 * np.array([1.0, -1.0, 0.0, 2.0, 0.0, 5.0]))[:end], None),
+                displacement=lambda values: ((displaced + 1e-3 * np.array([0.3, -0.3, 0, 0.4, 0, 2.0]))[:end], None)))))
 
     found = score(bench_curves)
     assert found.fulcrum_mm == pytest.approx([66, 87, 108, 129, 151])

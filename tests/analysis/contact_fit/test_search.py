@@ -1,18 +1,25 @@
-"""One search of a fit: every solver finds the same minimum, what fails on the way is survived; Ctrl-C ends it."""
+"""Searches of a fit: every solver finds the same minimum and survives failures; starts come from the seed alone, and an
+interrupted fit goes on as it would have."""
 
 from __future__ import annotations
 
 import importlib
+import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_fit import made_search
+from scipy.stats import norm
 
-from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, solve
+from vsf_drake.analysis.contact_fit import ContactFit, solve
 from vsf_drake.analysis.contact_fit.options import SOLVERS
-from vsf_drake.analysis.contact_fit.solve import FitSearch, search
-from vsf_drake.errors import SimulationError
+from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
+from vsf_drake.analysis.contact_fit.solve import prior_samples, run_searches, search
+from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.motion.manifest import GeometricOffsets
 
 FREE = ("contact.forefoot.force", "offset.height", "offset.alignment")
 MOST = {"gauss_newton": 20, "snopt": 40, "ipopt": 60, "nlopt": 60}
@@ -22,7 +29,7 @@ MOST = {"gauss_newton": 20, "snopt": 40, "ipopt": 60, "nlopt": 60}
 @pytest.fixture
 def fit(few_free):
     def make(**options):
-        return few_free(*FREE, **{"iterations": 100, **options})
+        return few_free(*FREE, **options)
 
     return make
 
@@ -52,25 +59,22 @@ def test_every_solver_finds_the_same_minimum_in_few_walks(fit, minimum, solver):
     problem = fit(solver=solver, iterations=20 if solver == "nlopt" else 100)
     found = search(problem, problem.parameters.start)
     assert found.success, found.message
-    assert found.evaluations <= MOST[solver]
-    assert found.evaluations == problem.evaluations and found.failed == 0
+    assert found.evaluations == problem.evaluations <= MOST[solver] and found.failed == 0
     assert found.start_cost == pytest.approx(problem.evaluate(problem.parameters.start).cost, rel=1e-12)
     at = problem.evaluate(found.u)
     assert at.cost == pytest.approx(found.cost, rel=1e-12)
-    gradient = at.jacobian.T @ at.residual
-    curvature = at.jacobian.T @ at.jacobian
+    gradient, curvature = at.jacobian.T @ at.residual, at.jacobian.T @ at.jacobian
     assert 0.5 * gradient @ np.linalg.solve(curvature, gradient) < 1e-3, "what a last step would gain"
     minimum.setdefault("cost", found.cost), minimum.setdefault("u", found.u)
     assert found.cost == pytest.approx(minimum["cost"], abs=1e-3)
     np.testing.assert_allclose(found.u, minimum["u"], atol=0.02)
 
 
-@pytest.mark.parametrize("solver", ["gauss_newton", "snopt", "ipopt"])
+@pytest.mark.parametrize("solver", ["gauss_newton", "snopt"])
 def test_a_walk_that_fails_on_the_way_is_survived(fit, monkeypatch, minimum, solver):
     problem = failing(fit(solver=solver), monkeypatch, lambda _, i: i == 1)
     found = search(problem, problem.parameters.start)
-    assert found.failed == 1
-    assert found.success, found.message
+    assert found.success and found.failed == 1, found.message
     if minimum:
         assert found.cost == pytest.approx(minimum["cost"], abs=0.01)
 
@@ -80,26 +84,8 @@ def test_a_search_that_a_failing_region_keeps_from_the_minimum_has_not_converged
     """The best that is found lies on the good side, near the edge; it is no minimum."""
     problem = failing(fit(solver=solver), monkeypatch, lambda u, _: u[0] < -1.0)
     found = search(problem, problem.parameters.start)
-    assert not found.success
-    assert found.failed >= 1
-    assert np.isfinite(found.cost) and found.cost < found.start_cost
-    assert found.u[0] >= -1.0
-
-
-def test_a_start_at_which_the_walk_fails_is_a_search_that_failed(fit, monkeypatch):
-    problem = failing(fit(), monkeypatch, lambda *_: True)
-    found = search(problem, problem.parameters.start)
-    assert (found.success, found.cost, found.start_cost) == (False, np.inf, np.inf)
-    assert "fails where the search starts" in found.message and "broke" in found.message
-    assert found.evaluations == found.failed == 1
-    np.testing.assert_array_equal(found.u, problem.parameters.start)
-
-
-def test_a_start_outside_of_the_bounds_is_moved_to_them(fit):
-    problem = fit(iterations=1)
-    found = search(problem, np.array([100.0, 0.0, -100.0]))
-    low, high = problem.parameters.bounds
-    np.testing.assert_array_equal(found.start, [high[0], 0.0, low[2]])
+    assert not found.success and found.failed >= 1
+    assert np.isfinite(found.cost) and found.cost < found.start_cost and found.u[0] >= -1.0
 
 
 @pytest.mark.parametrize("solver", ["gauss_newton", "snopt"])
@@ -109,18 +95,16 @@ def test_a_minimum_beyond_a_bound_is_found_on_it(fit, soft, fit_walker, solver):
     mean = free.parameters.by_name[FREE[0]].mean
     problem = ContactFit([soft], walker=fit_walker, options=free.options,
                          parameters=free.parameters.changed([FREE[0]], low=mean * math.exp(-0.5)))
-    found = search(problem, problem.parameters.start)
+    found = search(problem, np.array([100.0, 0.0, 0.0]))
+    assert found.start[0] == problem.parameters.bounds[1][0], "a start beyond the bounds is moved to them"
     assert found.success, found.message
     assert found.u[0] == pytest.approx(-1.0, abs=1e-2)
 
 
-searches = importlib.import_module("vsf_drake.analysis.contact_fit.solve")  # the package has a function of this name
-
-
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_ctrl_c_ends_a_fit_in_the_midst_of_any_solver(soft, fit_walker, monkeypatch, solver):
-    fit = ContactFit([soft], walker=fit_walker, options=ContactFitOptions(solver=solver, starts=1, iterations=20))
-    evaluate, count = fit.evaluate, 0
+def test_ctrl_c_ends_a_fit_in_the_midst_of_any_solver(fit, monkeypatch, solver):
+    problem, count = fit(solver=solver, starts=1, iterations=20), 0
+    evaluate = problem.evaluate
 
     def pressed_at_the_third(u, *, derivatives=True):
         nonlocal count
@@ -129,25 +113,142 @@ def test_ctrl_c_ends_a_fit_in_the_midst_of_any_solver(soft, fit_walker, monkeypa
             raise KeyboardInterrupt
         return evaluate(u, derivatives=derivatives)
 
-    monkeypatch.setattr(fit, "evaluate", pressed_at_the_third)
+    monkeypatch.setattr(problem, "evaluate", pressed_at_the_third)
     with pytest.raises(KeyboardInterrupt):
-        solve(fit)
+        solve(problem)
     assert count == 3
 
 
-def test_the_share_that_is_done_goes_by_the_time_of_searches_that_ended(soft, fit_walker, monkeypatch):
-    fit = ContactFit([soft], walker=fit_walker, options=ContactFitOptions(starts=3))
+# Several searches.
+
+SHORT = {"starts": 3, "screened": 2, "iterations": 4, "seed": 5, "step_s": 4e-3}
+
+
+@pytest.fixture
+def brief(few_free):
+    def make(**options):
+        return few_free(*FREE[:2], **(SHORT | options))
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def ended(few_free):
+    """The short fit: its searches, its state after each as it would stand in a file, and what it told."""
+    states, told = [], []
+    searches = run_searches(few_free(*FREE[:2], **SHORT), progress=lambda *what: told.append(what),
+                            checkpoint=lambda state: states.append(json.dumps(state)))
+    return SimpleNamespace(searches=searches, states=states, told=told)
+
+
+def same(found, wanted):
+    assert len(found) == len(wanted)
+    for a, b in zip(found, wanted, strict=True):
+        for name, value in vars(b).items():
+            np.testing.assert_array_equal(getattr(a, name), value)
+
+
+def test_samples_are_stratified_and_follow_the_prior_within_the_bounds():
+    def normal(name, low=-10.0, high=10.0):
+        return FitParameter(name=name, unit="m", start=0.0, mean=0.0, low=low, high=high, scale=1.0)
+
+    u = prior_samples(FitParameters([normal("a"), normal("b", low=-0.5, high=2.0)]), 200, [3, 1])
+    assert u.shape == (200, 2)
+    assert sorted(np.floor(200 * norm.cdf(u[:, 0]))) == [*range(200)], "one in each part of equal probability"
+    assert np.all((u[:, 1] >= -0.5) & (u[:, 1] <= 2.0))
+    inside = (norm.cdf(u[:, 1]) - norm.cdf(-0.5)) / (norm.cdf(2.0) - norm.cdf(-0.5))
+    assert sorted(np.floor(200 * inside)) == [*range(200)]
+    assert abs(np.corrcoef(u.T)[0, 1]) < 0.2
+
+
+def test_the_first_search_starts_as_the_parameters_say_and_others_at_the_best_of_their_samples(
+        brief, ended, monkeypatch):
+    problem = brief()
+    first, *others = ended.searches
+    np.testing.assert_array_equal(first.start, problem.parameters.start)
+    for i, found in enumerate(others, start=1):
+        samples = prior_samples(problem.parameters, SHORT["screened"], [SHORT["seed"], i])
+        costs = [problem.evaluate(u, derivatives=False).cost for u in samples]
+        np.testing.assert_array_equal(found.start, samples[int(np.argmin(costs))])
+        assert found.start_cost == pytest.approx(min(costs), rel=1e-9)
+    failing(problem, monkeypatch, lambda u, _: np.array_equal(u, ended.searches[1].start))
+    again = run_searches(problem, resume={"key": problem.key} | json.loads(ended.states[0]))
+    assert not np.array_equal(again[1].start, ended.searches[1].start), "a sample at which the walk fails"
+
+
+@pytest.mark.parametrize("after", [0, 2])
+def test_a_fit_resumed_from_a_file_ends_as_if_never_interrupted(brief, ended, after):
+    problem, again = brief(), []
+    found = run_searches(problem, resume=json.loads(ended.states[after]), checkpoint=again.append)
+    same(found, ended.searches)
+    assert [json.dumps(state) for state in again] == ended.states[after + 1:]
+    assert (problem.evaluations == 0) == (after == 2), "nothing is left to do"
+    fewer = brief(starts=2)
+    same(run_searches(fewer, resume=json.loads(ended.states[2]) | {"key": fewer.key}), ended.searches[:2])
+
+
+def test_an_interrupted_search_is_begun_anew(brief, ended):
+    """The state that was kept is that of the last search that ended."""
+    states, told = [], []
+
+    def interrupt(what, share):
+        told.append(what)
+        if sum(what.startswith("search 2") for what in told) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_searches(brief(), progress=interrupt, checkpoint=lambda state: states.append(json.dumps(state)))
+    assert states == ended.states[:1]
+
+
+def test_state_of_another_problem_or_a_damaged_one_is_refused(brief, few_free, ended, soft, stiff, measured_bench):
+    state = json.loads(ended.states[0])
+    moved = replace(soft, offsets=GeometricOffsets(height_m=1e-3))
+    elsewhere = replace(soft, fulcrum_m=soft.fulcrum_m + 1e-3)
+    for other in (brief(seed=6), brief(step_s=2e-3), brief(solver="snopt"), brief(trials=[stiff], labels=["low_1"]),
+                  brief(trials=[moved]), brief(trials=[elsewhere]), brief(bench=measured_bench),
+                  brief(labels=["another"]), few_free("offset.height", **SHORT)):
+        with pytest.raises(InputError, match="other trials, parameters or options") as caught:
+            run_searches(other, resume=state)
+        assert caught.value.where == "resume"
+    row = state["searches"][0]
+    for damage in ({}, {"searches": 3}, {"searches": [{"u": [1.0]}]}, {"searches": [row | {"start": [0.0]}]}):
+        with pytest.raises(InputError, match="no state of such a fit"):
+            run_searches(brief(), resume={"key": state["key"]} | damage)
+
+
+def test_a_start_at_which_the_walk_fails_is_a_search_that_failed_and_is_kept(brief, monkeypatch):
+    problem = brief(starts=1)
+    with monkeypatch.context() as patch:
+        failing(problem, patch, lambda *_: True)
+        states = []
+        failed, = run_searches(problem, checkpoint=lambda state: states.append(json.dumps(state, allow_nan=False)))
+    assert (failed.success, failed.cost, failed.start_cost) == (False, np.inf, np.inf)
+    assert "fails where the search starts" in failed.message and "broke" in failed.message
+    assert failed.evaluations == failed.failed == 1
+    np.testing.assert_array_equal(failed.u, problem.parameters.start)
+    same(run_searches(problem, resume=json.loads(states[0])), [failed])
+
+
+searches = importlib.import_module("vsf_drake.analysis.contact_fit.solve")  # the package has a function of this name
+
+
+def test_progress_tells_search_lowest_cost_and_the_share_by_the_time_of_those_that_ended(ended, fit, monkeypatch):
+    assert list(dict.fromkeys(what.split(",")[0] for what, _ in ended.told)) == [f"search {i} of 3" for i in (1, 2, 3)]
+    costs = [float(what.rsplit(" ", 1)[1]) for what, _ in ended.told]
+    assert costs == sorted(costs, reverse=True) and costs[-1] == round(min(s.cost for s in ended.searches), 1)
+    shares = [share for what, share in ended.told if what.startswith("search 1")]
+    assert shares == sorted(shares) and 0.0 < shares[0] and shares[-1] < 1 / 3
     clock, told = SimpleNamespace(now=0.0), []
 
     def ten_seconds_long(_fit, start, progress):
         for i in range(1, 6):
             clock.now += 2.0
             progress(i, 1.0)
-        return FitSearch(start=start, u=start, start_cost=2.0, cost=1.0, success=True, message="", evaluations=5,
-                         failed=0)
+        return made_search()
 
     monkeypatch.setattr(searches, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     monkeypatch.setattr(searches, "_start", lambda fit, i: fit.parameters.start)
     monkeypatch.setattr(searches, "search", ten_seconds_long)
-    searches.run_searches(fit, progress=lambda _, share: told.append((clock.now, share)))
+    searches.run_searches(fit(starts=3), progress=lambda _, share: told.append((clock.now, share)))
     assert [share for _, share in told[5:]] == pytest.approx([now / 30.0 for now, _ in told[5:]])

@@ -68,12 +68,13 @@ def drawn(by, weight, rng, *, independent=None):
     return (estimate - truth).T
 
 
-@pytest.mark.parametrize("bench", [False, True])
-def test_covariance_is_that_of_drawn_truths_and_correlated_noise(bench):
-    by, weight = curves(4), NOISE.weight(0.01)
+@pytest.mark.parametrize(("bench", "heavier"), [(False, 1.0), (True, 1.0), (False, 4.0)])
+def test_covariance_is_that_of_drawn_truths_and_correlated_noise(bench, heavier):
+    """Of a series counted four times too much, too: the estimate is worse, and so is what is said of it."""
+    by, weight = curves(4), heavier * NOISE.weight(0.01)
     independent = np.array([[1.0, 0.0, -2.0, 0.5], [0.0, 0.3, 0.0, 3.0]]) if bench else None
     off = drawn(by, weight, np.random.default_rng(1), independent=independent)
-    terms = [series(by), prior(4)]
+    terms = [series(by, weight=weight), prior(4)]
     if bench:
         terms.insert(1, series(independent, times=None, name="bench", weight=1.0))
     found = known(FitParameters([plain(name) for name in "abcd"]), *terms)
@@ -83,14 +84,6 @@ def test_covariance_is_that_of_drawn_truths_and_correlated_noise(bench):
     np.testing.assert_allclose(found.standard_error, 2.0 * found.share_of_prior)
     inside = np.abs(off) <= NORMAL_95 * found.share_of_prior
     np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=0.006)
-
-
-def test_errors_are_right_whatever_weight_the_series_got():
-    """A series counted four times too much: the estimate is worse, and so is what is said of it."""
-    by, heavy = curves(3), 4.0 * NOISE.weight(0.01)
-    off = drawn(by, heavy, np.random.default_rng(2))
-    found = known(FitParameters([plain(name) for name in "abc"]), series(by, weight=heavy), prior(3))
-    np.testing.assert_allclose(found.share_of_prior, off.std(axis=0), rtol=0.03)
 
 
 def test_a_constant_is_told_as_by_the_mean_of_a_correlated_series():
@@ -138,21 +131,16 @@ def test_two_that_act_together_are_named_together():
     assert found.correlation[0, 1] == pair.correlation == pytest.approx(found.correlation[1, 0], rel=1e-9)
 
 
-def test_singular_values_are_of_the_data_alone_and_fall():
-    by = np.diag([5.0, 0.5, 2.0])
-    terms = [series(by, times=None, weight=1.0), prior(3)]
-    found = known(FitParameters([plain(name) for name in "abc"]), *terms)
-    np.testing.assert_allclose(found.singular_values, [5.0, 2.0, 0.5])
+def test_singular_values_are_of_the_data_alone_and_what_they_tell_twice_as_well_as_the_prior_is_identified():
+    edge = math.sqrt(1.0 / SURE_SHARE**2 - 1.0)
+    by = np.diag([5.0, 0.5, 1.01 * edge, 0.99 * edge])
+    terms = [series(by, times=None, weight=1.0), prior(4)]
+    found = known(FitParameters([plain(name) for name in "abcd"]), *terms)
+    np.testing.assert_allclose(found.singular_values, [5.0, 1.01 * edge, 0.99 * edge, 0.5])
     np.testing.assert_allclose(found.share_of_prior, 1.0 / np.sqrt(1.0 + np.diag(by) ** 2))
     (direction,) = found.weakest
     assert direction.singular_value == pytest.approx(0.5) and [part.name for part in direction.made_of] == ["b"]
-
-
-def test_identified_is_what_the_data_tell_twice_as_well_as_the_prior():
-    edge = math.sqrt(1.0 / SURE_SHARE**2 - 1.0)
-    by = np.diag([1.01 * edge, 0.99 * edge])
-    found = known(FitParameters([plain("a"), plain("b")]), series(by, times=None, weight=1.0), prior(2))
-    assert found.unidentified == ("b",)
+    assert found.unidentified == ("b", "d")
 
 
 def test_intervals_are_symmetric_in_the_search_and_cut_at_the_bounds():
@@ -191,7 +179,7 @@ def test_correlation_falls_by_e_in_its_time():
 def test_samples_weigh_together_as_many_independent_ones_as_their_mean_tells():
     """The variance of the mean of a long correlated series is 2 tau / T, that of N independent ones 1 / N."""
     noise = FitNoise(correlation_s=0.05)
-    times = np.arange(0.0, 20.0, 0.004)
+    times = np.arange(0.0, 12.0, 0.004)
     variance = noise.correlation(times).mean()
     assert len(times) * noise.weight(0.004) ** 2 == pytest.approx(1.0 / variance, rel=0.01)
     assert noise.weight(0.1) == noise.weight(3.0) == 1.0 and noise.weight(0.025) == pytest.approx(0.5)

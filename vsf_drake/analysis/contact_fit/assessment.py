@@ -33,16 +33,16 @@ assumed half of all series stay below 0.7, since the parameters take up some of 
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedFit:
-    """What the model of McGeehan 2021 was left with; two numbers are the least and the largest."""
+    """What the model of McGeehan 2021 (doi 10.1115/1.4050456) was left with; two numbers: the least and the largest."""
 
-    doi: str = "10.1115/1.4050456"
     fitted_grf_rmse_bw: float = 0.053
     other_grf_rmse_bw: tuple[float, float] = (0.10, 0.14)
     cop_rmse_fl: tuple[float, float] = (0.057, 0.095)
     bench_rmse_n_per_mm: float = 1.37
+    mid_range_rmse_mm: float = 0.45
 
 
-PUBLISHED, PAPER_MID_RANGE_MM = PublishedFit(), 0.45
+PUBLISHED = PublishedFit()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,27 +87,27 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True)
 class Beside:
-    """A quantity of the bench at its fulcrum positions, and at the heel, which stands apart and is not in the root mean
-    square; None for what is not known or not measured."""
+    """A quantity of the bench at its fulcrum positions, and at the heel if that was measured, which stands apart and is
+    not in the root mean square."""
 
     uncertainty: float
     measured: tuple[float, ...]
-    model: tuple[float, ...] | None
+    model: tuple[float, ...]
     heel_measured: float | None
     heel_model: float | None
-    rmse: float | None
+    rmse: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class BenchRow:
-    """Measurement and, where it is known, model on the bench."""
+    """Measurement and model on the bench; no quantity where the fit was not judged."""
 
     name: str
     synthetic: bool
     max_load_n: float
     fulcrum_mm: tuple[float, ...]
-    stiffness: Beside  # N/mm
-    mid_range: Beside | None  # mm, the platen's displacement at half of the largest load, where it was measured
+    stiffness: Beside | None = None  # N/mm
+    mid_range: Beside | None = None  # mm, the platen's displacement at half of the largest load, where it was measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,35 +216,28 @@ def bench_score(solution: ContactFitSolution) -> BenchRow | None:
     bench = solution.fit.bench
     if bench is None:
         return None
-    return bench_row(bench, solution.bench_stiffness(),
-                     None if bench.mid_range_m is None else solution.bench_displacement())
 
+    def beside(factor: float, sd: float, measured: Sequence[float], heel: float | None, model: np.ndarray) -> Beside:
+        forefoot, shown = tuple(factor * x for x in measured), tuple((factor * model).tolist())
+        return Beside(
+            uncertainty=factor * sd, measured=forefoot, model=shown[:len(forefoot)],
+            heel_measured=None if heel is None else factor * heel,
+            heel_model=None if heel is None else shown[len(forefoot)],
+            rmse=rmse(np.array(shown[:len(forefoot)]), np.array(forefoot)))
 
-def bench_row(
-    bench: BenchMeasurement, stiffness_n_per_m: np.ndarray | None = None, displacement_m: np.ndarray | None = None
-) -> BenchRow:
-    """The measurement beside the model's stiffness and displacement, where they are given, the heel last if it was
-    measured."""
-    mid_range = None
+    machine, values, mid_range = solution.fit.machine, solution.all_values(None), None
     if bench.mid_range_m is not None and bench.mid_range_uncertainty_m is not None:
-        mid_range = _beside(1e3, bench.mid_range_uncertainty_m, bench.mid_range_m, bench.heel_mid_range_m,
-                            displacement_m)
-    return BenchRow(
-        name=bench.name, synthetic=bench.synthetic, max_load_n=bench.max_load_n,
-        fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m), mid_range=mid_range,
-        stiffness=_beside(1e-3, bench.uncertainty_n_per_m, bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m,
-                          stiffness_n_per_m))
+        mid_range = beside(1e3, bench.mid_range_uncertainty_m, bench.mid_range_m, bench.heel_mid_range_m,
+                           machine.displacement(values)[0])
+    return replace(bench_row(bench), mid_range=mid_range, stiffness=beside(
+        1e-3, bench.uncertainty_n_per_m, bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m,
+        machine.evaluate(values)[0]))
 
 
-def _beside(factor: float, sd: float, measured: Sequence[float], heel: float | None, model: np.ndarray | None
-            ) -> Beside:
-    forefoot = tuple(factor * x for x in measured)
-    shown = None if model is None else factor * model
-    return Beside(
-        uncertainty=factor * sd, measured=forefoot, heel_measured=None if heel is None else factor * heel,
-        model=None if shown is None else tuple(shown[:len(forefoot)].tolist()),
-        heel_model=None if shown is None or heel is None else float(shown[len(forefoot)]),
-        rmse=None if shown is None else rmse(shown[:len(forefoot)], np.array(forefoot)))
+def bench_row(bench: BenchMeasurement) -> BenchRow:
+    """A bench that nothing was judged by."""
+    return BenchRow(name=bench.name, synthetic=bench.synthetic, max_load_n=bench.max_load_n,
+                    fulcrum_mm=tuple(1e3 * x for x in bench.fulcrum_m))
 
 
 def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None) -> FulcrumSweep:
@@ -254,8 +247,8 @@ def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None)
             comparison, result = solution.predict(trial, label, step_s=SWEEP_STEP_S, fulcrum_m=float(position))
         except SimulationError:
             return np.nan
-        error = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw
-        return np.nan if error is None else error
+        found = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw
+        return np.nan if found is None else found
 
     positions = sweep_positions(trial)
     with ThreadPoolExecutor(2) as pool:
@@ -277,9 +270,7 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
     nulls = [(s, s.metrics.null_model_grf_rmse_bw) for s in held_out if s.metrics.null_model_grf_rmse_bw is not None]
     return tuple(say(
         "fit_verdict", message=solution.message, fitted=assessment.mean(FITTED, "grf_rmse_bw"),
-        paper={"fitted": PUBLISHED.fitted_grf_rmse_bw, "bench": PUBLISHED.bench_rmse_n_per_mm,
-               "mid_range": PAPER_MID_RANGE_MM},
-        one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
+        paper=PUBLISHED, one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
         held=assessment.mean(HELD_OUT, "grf_rmse_bw"),
         worst=max(errors, key=lambda pair: pair[1], default=(None, 0.0))[0], nulls=[null for _, null in nulls],
         beaten=[s.label for s, null in nulls if s.metrics.grf_rmse_bw is not None and s.metrics.grf_rmse_bw >= null],
@@ -294,8 +285,7 @@ def _own_worth(end: JointEnd) -> dict[str, object]:
     u, ratios, cost = end.uncertainty, end.noise_ratios(), end.searches[end.best].cost
     shared = [name for name in u.names if owner(name) is None]
     return {
-        "ratios": [ratio for _, ratio in ratios],
-        "large": [(f"{term.trial} {term.name}", ratio) for term, ratio in ratios if ratio > NOISE_TOO_SMALL],
+        "ratios": [row.ratio for row in ratios], "large": [row for row in ratios if row.ratio > NOISE_TOO_SMALL],
         "shared": len(shared), "known": sum(name not in u.unidentified for name in shared), "sure_share": SURE_SHARE,
         "weak": sum(s < 1.0 for s in u.singular_values), "at_bound": u.at_bound,
         "unidentified": [name for name in u.unidentified if not name.startswith(("curve.", "trial."))],

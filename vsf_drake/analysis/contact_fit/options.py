@@ -92,9 +92,6 @@ class PaperOptions:
 
     Attributes:
         scenarios: in one iteration.
-        spread: standard deviation of a parameter's distribution over its value at the centre.
-        fold: bounds of stiffness and damping are those of the initial guess divided and multiplied by it.
-        exponents, full_damping_mm: bounds (low, high), those of the variables of a walk.
         iterations: after which a run that did not converge ends.
         objective_tolerance_n: change of the objective, as root mean square difference of the resultants (N), below
             which it counts as settled (that it means the root mean square is our reading, the paper says N).
@@ -102,7 +99,6 @@ class PaperOptions:
             it takes the change is our reading).
         settled: iterations in a row that must change so little (1: the paper's words, read literally).
         restarts: how often a run that did not converge is begun again from its result.
-        friction: whether the friction coefficients are varied as well; the paper's were given.
         workers: threads; they do not change the result.
     """
 
@@ -112,23 +108,14 @@ class PaperOptions:
     series: ClassVar[tuple[str, ...]] = (RESULTANT,)
     report_step_s: ClassVar[float] = 1e-3
     scenarios: int = quantity(100, unit="1", low=1, source=_CHOICE)
-    spread: float = quantity(0.1, unit="1", low=_ABOVE_0, source=_CHOICE)
-    fold: float = quantity(10.0, unit="1", low=1.0 + _ABOVE_0, source=_CHOICE)
-    exponents: tuple[float, float] = quantity((1.0, 2.0), unit="1", source=_CHOICE)
-    full_damping_mm: tuple[float, float] = quantity((0.2, 5.0), unit="mm", source=_CHOICE)
     iterations: int = quantity(100, unit="1", low=1, source=_PAPER)
     objective_tolerance_n: float = quantity(0.1, unit="N", low=_ABOVE_0, source=_PAPER)
     parameter_tolerance: float = quantity(1e-3, unit="1", low=_ABOVE_0, source=_PAPER)
     settled: int = quantity(1, unit="1", low=1, source=_PAPER)
     restarts: int = quantity(2, unit="1", low=0, source=_CHOICE)
     step_s: float = quantity(2e-3, unit="s", low=_ABOVE_0, source=_CHOICE)
-    friction: bool = False
     seed: int = quantity(0, unit="1", low=0, source=_CHOICE)
     workers: int = quantity(2, unit="1", low=1, source=_CHOICE)
 
     def __post_init__(self) -> None:
         check(self)
-        for name in ("exponents", "full_damping_mm"):
-            low, high = getattr(self, name)
-            if not low < high:
-                raise InputError(f"the bounds {low:g} to {high:g} cross", where=name, right="Give the lower one first")

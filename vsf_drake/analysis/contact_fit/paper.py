@@ -4,17 +4,12 @@
 - Initial guess: exponent 1, full damping at 1 mm, damping (N s/mm) half of the stiffness (N/mm), and one stiffness for
   all spheres, raised until they carry the person. We read that as: until the model's vertical force over the measured
   stances is on average what the plates measured.
-- Varied: stiffness, exponent, damping and full-damping depth of each zone. No geometry; friction as given.
-- Search: Latin hypercube, stratified, normal distributions within bounds; the best scenario is carried to the next
-  iteration. The paper does not say how many scenarios, how wide and within which bounds: see `PaperOptions`. The
-  distributions are as wide in the last iteration as in the first, since it does not say that they shrink.
-- End: 100 iterations, or the objective changes by less than 0.1 N and the parameters by less than 0.001. Since the best
-  scenario is carried on, an iteration that finds none better changes nothing, and ends the search, though another one
-  might have found something (`PaperOptions.settled`). If 100 iterations do not converge, the search is begun again from
-  their result.
-
-What such a fit is worth beyond its own trial is for the caller to find out: it knows neither centre of pressure nor
-bench, and contact makes up for whatever is wrong with the geometry.
+- Varied: stiffness, exponent, damping and full-damping depth of each zone. No geometry, no friction.
+- Search: Latin hypercube, stratified, normal distributions within bounds, which do not shrink; the best scenario is
+  carried to the next iteration. How many scenarios, how wide and within which bounds is not said: choices.
+- End: 100 iterations, or the objective changes by less than 0.1 N and the parameters by less than 0.001. An iteration
+  that finds nothing better changes nothing, and ends the search (`PaperOptions.settled`). If 100 iterations do not
+  converge, the search is begun again from their result.
 """
 
 from __future__ import annotations
@@ -35,13 +30,11 @@ from vsf_drake.analysis.contact_fit.options import PaperOptions
 from vsf_drake.analysis.contact_fit.parameters import zones_of
 from vsf_drake.analysis.contact_fit.problem import ContactFit
 from vsf_drake.errors import InputError, SimulationError
-from vsf_drake.simulation.variables import Variable, check_values
+from vsf_drake.simulation.variables import Variable
 
-FRICTION = ("friction.mu_static", "friction.mu_kinetic", "friction.threshold_velocity")
-FULL_DAMPING_MM = 1.0
-"""Depth of full damping in the initial guess (McGeehan 2021)."""
-DAMPING_OVER_STIFFNESS = 0.5
-"""Of the initial guess, N s/mm over N/mm (McGeehan 2021)."""
+SPREAD, FOLD = 0.1, 10.0
+"""Standard deviation of a parameter's distribution over its value at the centre, and by how many times a stiffness or
+damping may be larger or smaller than the initial guess (choices)."""
 SOFTEST_N_PER_MM, STIFFEST_N_PER_MM, RAISE = 0.1, 1000.0, 1.1
 """Stiffness of one sphere at which the search for the initial guess begins and gives up, and the ratio of two of its
 steps (choices): 24 spheres of the softest carry 70 N at 30 mm, the thickness of the foam."""
@@ -89,8 +82,9 @@ def search_like_the_paper(
     """Searches for one trial's contact, as the paper did, or for that of several; see `solution.solve`."""
     options = fit.options
     assert isinstance(options, PaperOptions)
-    state = _initial(fit, options) if resume is None else fit.resumed(resume, read_state)
-    space = paper_space(fit.walker.variables, state.stiffness, options)
+    state = _initial(fit, options) if resume is None else fit.resumed(resume, lambda kept: PaperState(
+        **{**kept, "best": tuple(kept["best"]), "history": tuple(map(tuple, kept["history"]))}))
+    space = paper_space(fit.walker.variables, state.stiffness)
     began = time.perf_counter() - state.wall_s
     while True:
         done, end = len(state.history), verdict(state, options)
@@ -106,11 +100,6 @@ def search_like_the_paper(
             checkpoint({"key": fit.key, **asdict(state)})
 
 
-def read_state(plain: Mapping[str, Any]) -> PaperState:
-    """What a checkpoint holds of a search."""
-    return PaperState(**{**plain, "best": tuple(plain["best"]), "history": tuple(map(tuple, plain["history"]))})
-
-
 def iterate(
     state: PaperState, space: PaperSpace, score: Callable[[Sequence[Mapping[str, float]]], Sequence[Score]],
     options: PaperOptions
@@ -118,19 +107,18 @@ def iterate(
     """One iteration: scenarios (values of variables of a walk) are drawn round the best so far and scored, and the best
     seen is carried on. Raises SimulationError if every scenario fails."""
     iteration, centre = len(state.history) + 1, np.array(state.best)
-    drawn = space.sample(centre, count=options.scenarios, spread=options.spread,
-                         random=np.random.default_rng([options.seed, iteration]))
+    drawn = space.sample(centre, options.scenarios, np.random.default_rng([options.seed, iteration]))
     scored = score([space.values(x) for x in drawn])
     failures = [item.error for item in scored if item.error is not None]
     if len(failures) == len(scored):
         raise failures[-1]
     first = int(np.argmin([item.objective_n2 for item in scored]))
-    best, objective = centre, state.objective_n2
-    if scored[first].objective_n2 < objective:
-        best, objective = drawn[first], float(scored[first].objective_n2)
+    best, objective = min((centre, state.objective_n2), (drawn[first], scored[first].objective_n2),
+                          key=lambda found: found[1])
+    change = float(np.max(np.abs(best - centre) / (space.high - space.low)))
     return replace(
         state, best=tuple(map(float, best)), objective_n2=objective,
-        history=(*state.history, (iteration, objective, space.change(centre, best))),
+        history=(*state.history, (iteration, objective, change)),
         simulations=state.simulations + sum(item.simulations for item in scored),
         failed_simulations=state.failed_simulations + len(failures))
 
@@ -138,8 +126,7 @@ def iterate(
 def verdict(state: PaperState, options: PaperOptions) -> tuple[bool, str] | None:
     """Whether the search converged, and why it ends, in words; None while it goes on."""
     done = len(state.history)
-    rms = [state.rms_n(objective) for objective in
-           (state.initial_objective_n2, *(objective for _, objective, _ in state.history))]
+    rms = [*map(state.rms_n, (state.initial_objective_n2, *(objective for _, objective, _ in state.history)))]
     falls = [before - after for before, after in itertools.pairwise(rms)]
     small = [fall < options.objective_tolerance_n and change < options.parameter_tolerance
              for fall, (_, _, change) in zip(falls, state.history, strict=True)]
@@ -200,7 +187,7 @@ def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
     began, stiffness, steps = time.perf_counter(), SOFTEST_N_PER_MM, 0
     failures: list[SimulationError] = []
     while stiffness <= STIFFEST_N_PER_MM:
-        space = paper_space(fit.walker.variables, stiffness, options)
+        space = paper_space(fit.walker.variables, stiffness)
         values, steps = space.values(space.start), steps + 1
         try:
             comparisons = [fit.walk(trial, values, step_s=options.step_s)[0] for trial in fit.trials]
@@ -228,13 +215,12 @@ def _initial(fit: ContactFit, options: PaperOptions) -> PaperState:
 #     contact.ZONE.exponent             n
 #     contact.ZONE.damping              b, N s/mm
 #     contact.ZONE.full_damping_depth   mm
-#     friction.*                        as in a walk (SI), only if asked for
 #
 # A normal distribution is not the same in other units. In these, a sphere 1 mm deep carries k whatever n is, so that n
 # and k can be drawn independently of each other; in N/m^n they cannot.
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PaperSpace:
     """The parameters of one search: variables of a walk, initial guess and bounds (P,), in the units above."""
 
@@ -255,42 +241,28 @@ class PaperSpace:
                 values[name] /= _MM_PER_M
         return values
 
-    def change(self, x: np.ndarray, other: np.ndarray) -> float:
-        """Largest difference of a parameter between two points, over the distance of its bounds."""
-        return float(np.max(np.abs(other - x) / (self.high - self.low)))
-
-    def sample(self, centre: np.ndarray, *, count: int, spread: float, random: np.random.Generator) -> np.ndarray:
+    def sample(self, centre: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
         """(count, P) scenarios: a Latin hypercube of normal distributions round `centre`, cut off at the bounds.
 
-        Each parameter's distribution, of standard deviation `spread` times the value at the centre before cutting off,
-        is cut into `count` slices of equal probability and each slice is met once (McKay, Beckman & Conover 1979, doi
+        Each parameter's distribution, of standard deviation SPREAD times the value at the centre before cutting off, is
+        cut into `count` slices of equal probability and each slice is met once (McKay, Beckman & Conover 1979, doi
         10.1080/00401706.1979.10489755).
         """
         columns = []
         for value, low, high in zip(centre, self.low, self.high, strict=True):
             share = (random.permutation(count) + random.uniform(size=count)) / count
-            scale = spread * value
+            scale = SPREAD * value
             drawn = truncnorm.ppf(share, (low - value) / scale, (high - value) / scale, loc=value, scale=scale)
             columns.append(np.clip(drawn, low, high))
         return np.column_stack(columns)
 
 
-def paper_space(variables: Mapping[str, Variable], stiffness: float, options: PaperOptions) -> PaperSpace:
-    """The paper's initial guess with one stiffness (N/mm) for all zones, and bounds about it. Raises InputError where
-    it lies outside of them, or they outside of the model's range."""
-    damping, fold = DAMPING_OVER_STIFFNESS * stiffness, options.fold
-    law = {"stiffness": (stiffness, stiffness / fold, fold * stiffness), "exponent": (1.0, *options.exponents),
-           "damping": (damping, damping / fold, fold * damping),
-           "full_damping_depth": (FULL_DAMPING_MM, *options.full_damping_mm)}
+def paper_space(variables: Mapping[str, Variable], stiffness: float) -> PaperSpace:
+    """The paper's initial guess with one stiffness (N/mm) for all zones, and bounds about it."""
+    def tenfold(value: float) -> tuple[float, float, float]:
+        return value, value / FOLD, FOLD * value
+
+    law = {"stiffness": tenfold(stiffness), "exponent": (1.0, 1.0, 2.0), "damping": tenfold(0.5 * stiffness),
+           "full_damping_depth": (1.0, 0.2, 5.0)}
     rows = {f"contact.{zone}.{name}": row for zone in zones_of(variables) for name, row in law.items()}
-    if options.friction:
-        rows |= {name: (variables[name].default, variables[name].low, variables[name].high) for name in FRICTION}
-    for name, (start, low, high) in rows.items():
-        if not low <= start <= high or not low < high:
-            raise InputError(f"the initial guess {start:g} of {name} does not lie in its bounds {low:g} to {high:g}",
-                             where="bounds")
-    table = np.array([*rows.values()])
-    space = PaperSpace(names=tuple(rows), start=table[:, 0], low=table[:, 1], high=table[:, 2])
-    for corner in (space.low, space.high):
-        check_values(space.values(corner), variables)
-    return space
+    return PaperSpace(tuple(rows), *np.array([*rows.values()]).T)

@@ -21,7 +21,7 @@ from vsf_drake.motion.fitted_trial import gait_phase
 from vsf_drake.motion.trajectory import periodic_bsplines, window_bsplines
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import SIDES
-from vsf_drake.simulation.variables import MotionPerturbation, Variable
+from vsf_drake.simulation.variables import MotionPerturbation, Variable, check_number
 
 PATH_COORDINATES = ("pelvis_tx", "pelvis_tz")
 DAMPING_TIME, OFFSET_HEIGHT = "contact.damping_time", "offset.height"
@@ -48,23 +48,18 @@ class FitParameter:
     why: str = ""  # bounds and prior are so
 
     def __post_init__(self) -> None:
-        def demand(right: bool, what: str, remedy: str) -> None:
-            if not right:
-                raise InputError(what, where=f"parameter {self.name}", right=remedy)
-
+        where, bounds = f"parameter {self.name}", f"{self.low:g} to {self.high:g} {self.unit}"
         for name in ("start", "low", "high", "mean", "scale"):
-            value = getattr(self, name)
-            demand(isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value),
-                   f"{name} is {value!r}", "It must be a finite number")
-        demand(self.low < self.high, f"its bounds cross: low {self.low:g}, high {self.high:g} {self.unit}",
-               "The lower bound must be below the upper one")
-        demand(not self.logarithmic or self.low > 0.0, f"its lower bound is {self.low:g} {self.unit}",
-               "It must be positive: the search is in logarithms")
+            check_number(getattr(self, name), f"{where}: {name}")
+        if not self.low < self.high:
+            raise InputError(f"its bounds {bounds} cross", where=where, right="Give the lower one first")
+        if self.logarithmic and self.low <= 0.0:
+            raise InputError(f"its bounds are {bounds}", where=where, right="The search is in logarithms")
         for name in ("start", "mean"):
-            demand(self.low <= getattr(self, name) <= self.high,
-                   f"its {name}, {getattr(self, name):g} {self.unit}, lies outside its bounds "
-                   f"{self.low:g} to {self.high:g}", f"Move the bounds or give another {name}")
-        demand(self.scale > 0.0, f"its scale is {self.scale:g}", "It must be above 0")
+            if not self.low <= getattr(self, name) <= self.high:
+                raise InputError(f"its {name}, {getattr(self, name):g}, lies outside its bounds {bounds}", where=where)
+        if self.scale <= 0.0:
+            raise InputError(f"its scale is {self.scale:g}", where=where, right="It must be above 0")
 
     def to_u(self, value: float) -> float:
         """The search coordinate of a value."""
@@ -76,10 +71,6 @@ class FitParameter:
         """The value at a search coordinate, within the bounds."""
         value = self.mean * math.exp(u * self.scale) if self.logarithmic else self.mean + u * self.scale
         return min(max(value, self.low), self.high)
-
-    def slope(self, value: float) -> float:
-        """d value / d u."""
-        return value * self.scale if self.logarithmic else self.scale
 
 
 class FitParameters:
@@ -134,7 +125,7 @@ class FitParameters:
     def slopes(self, u: np.ndarray) -> np.ndarray:
         """(P,) d value / d u."""
         values = self.values(u)
-        return np.array([item.slope(values[item.name]) for item in self.free])
+        return np.array([values[item.name] * item.scale if item.logarithmic else item.scale for item in self.free])
 
 
 def zones_of(variables: Iterable[str]) -> list[str]:
@@ -270,8 +261,13 @@ class TrialMap:
     ) -> None:
         self.parameters, names = parameters, parameters.by_name
         self._laws = [zone for zone in zones_of(variables) if f"contact.{zone}.force" in names]
-        for zone in self._laws:
-            _check_law(zone, names)
+        for own in (f"contact.{zone}." for zone in self._laws):
+            if f"{own}exponent" not in names or not {f"{own}damping_time", DAMPING_TIME} & set(names):
+                raise _refused(f"the law of {own.removesuffix('.')} is told by half",
+                               f"With {own}force give {own}exponent, and {own}damping_time or {DAMPING_TIME}; "
+                               "they may be frozen")
+            for twice in {f"{own}stiffness", f"{own}damping"} & set(names):
+                raise _refused(f"{twice} and {own}force set the same", "Give one of them")
         if DAMPING_TIME in names and not self._laws:
             raise _refused(f"{DAMPING_TIME} has no law to belong to",
                            "Give contact.ZONE.force and contact.ZONE.exponent too")
@@ -348,39 +344,23 @@ def curve_coefficients(names: Collection[str]) -> int:
     return count
 
 
-def _check_law(zone: str, names: Collection[str]) -> None:
-    own = f"contact.{zone}."
-    if f"{own}exponent" not in names or not {f"{own}damping_time", DAMPING_TIME} & set(names):
-        raise _refused(f"the law of zone {zone} is told by half",
-                       f"With {own}force give {own}exponent, and {own}damping_time or {DAMPING_TIME}; "
-                       "they may be frozen")
-    for twice in ("stiffness", "damping"):
-        if f"{own}{twice}" in names:
-            raise _refused(f"{own}{twice} and {own}force set the same", "Give one of them")
-
-
 def _refused(what: str, right: str | None = None) -> InputError:
     return InputError(what, where="parameters", right=right)
 
 
 def _perturbations(targets: Collection[str], trial: Trial, coefficients: int) -> tuple[MotionPerturbation, ...]:
+    families = {"path": _members(window_bsplines(trial.start_s, trial.end_s, PATH_COEFFICIENTS))}
+    if coefficients:
+        phase, basis = gait_phase(trial), periodic_bsplines(coefficients)
+        families["curve"] = _members(lambda times: basis(phase(times)))
     perturbations: list[MotionPerturbation] = []
-    families: dict[str, Callable[[int], Callable[[np.ndarray], np.ndarray]]] = {}
     names = [target.removeprefix("perturbation.") for target in targets if target.startswith("perturbation.")]
     for name in dict.fromkeys(names):
         kind, coordinate, index = name.rsplit(".", 2)
         if kind == "path" and int(index) >= PATH_COEFFICIENTS:
             raise _refused(f"{name} is beyond the {PATH_COEFFICIENTS} coefficients of a path")
-        if kind not in families:
-            families[kind] = _members(_curves(trial, coefficients) if kind == "curve" else
-                                      window_bsplines(trial.start_s, trial.end_s, PATH_COEFFICIENTS))
         perturbations.append(MotionPerturbation(name=name, coordinate=coordinate, shape=families[kind](int(index))))
     return tuple(perturbations)
-
-
-def _curves(trial: Trial, coefficients: int) -> Callable[[np.ndarray], np.ndarray]:
-    phase, basis = gait_phase(trial), periodic_bsplines(coefficients)
-    return lambda times: basis(phase(times))
 
 
 def _members(family: Callable[[np.ndarray], np.ndarray]) -> Callable[[int], Callable[[np.ndarray], np.ndarray]]:

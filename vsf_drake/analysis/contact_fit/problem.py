@@ -78,17 +78,15 @@ class ContactFit:
     """One subject's trials, and what is to be fitted to them.
 
     Args:
-        trials: one or more, at one or more positions of the fulcrum.
-        bench: the measured bench of this foot, so that what is fitted stays that foot; None to leave it out. A fit by
-            the paper's strategy is only judged by it.
-        parameters: what may change in a joint fit; `standard_parameters` by default. See `parameters.changed` to free
-            or freeze some.
-        options: how; those of the paper's strategy are `PaperOptions`.
-        walker: of the subject and the trials' model, built before; made here if None.
-        labels: of the trials, by which parameters of a single trial are named; their files' names if None.
+        bench: the measured bench of this foot, so that what is fitted stays that foot. A fit by the paper's strategy is
+            only judged by it.
+        parameters: of a joint fit; `standard_parameters` by default. `parameters.changed` frees or freezes some.
+        walker: of the subject and the trials' model, built before.
+        labels: of the trials, by which parameters of a single trial are named; their files' names by default.
 
     Attributes:
         evaluations: how many points were evaluated.
+        shared: what all trials share, from the parameters to a walk's variables.
 
     Raises:
         InputError: the trials cannot be fitted together (see `check_recordings`), or a parameter is none.
@@ -117,7 +115,7 @@ class ContactFit:
         self.evaluations = 0
         self._terms = [] if self.options.strategy == PAPER else [
             self.terms_of(trial, label) for trial, label in zip(self.trials, self.labels, strict=True)]
-        self._shared = TrialMap(self.parameters, self.walker.variables, None, None)
+        self.shared = TrialMap(self.parameters, self.walker.variables, None, None)
         self._machine = None if bench is None else bench_of(model.foot, bench)
         self._last: tuple[np.ndarray, bool, FitEvaluation] | None = None
 
@@ -195,17 +193,13 @@ class ContactFit:
 
     def bench_stiffness(self, u: np.ndarray) -> np.ndarray:
         """(m,) N/m on the bench at u, the heel last if it was measured; SimulationError if the foot gives way."""
-        return self.machine.evaluate(self._shared.at(u).values)[0]
-
-    def bench_displacement(self, u: np.ndarray) -> np.ndarray:
-        """(m,) m of mid-range displacement on the bench at u, likewise."""
-        return self.machine.displacement(self._shared.at(u).values)[0]
+        return self.machine.evaluate(self.shared.at(u).values)[0]
 
     def _bench_terms(self, u: np.ndarray, derivatives: bool) -> list[ResidualTerm]:
         bench, machine = self.bench, self._machine
         if bench is None or machine is None:
             return []
-        at = self._shared.at(u)
+        at = self.shared.at(u)
         names = at.names if derivatives else ()
         rows = [(BENCH, machine.evaluate, bench.stiffness_n_per_m, bench.heel_stiffness_n_per_m,
                  bench.uncertainty_n_per_m),
@@ -355,10 +349,6 @@ def _check_recording(first: Trial, trial: Trial, series: Sequence[str]) -> None:
         raise refused("has a fitted contact already", None,
                       "Fit the trial as it was recorded: what one fit found would be lost in the next")
     a, b = vars(first.subject), vars(trial.subject)
-    side, own = a["prosthetic_side"], b["prosthetic_side"]
-    if side != own:
-        raise refused(f"its prosthesis is on the {own}, that of {first.path} on the {side}", "subject",
-                      "Fit one subject at a time")
     if a != b:
         differences = "; ".join(f"{name} {value} and {a[name]}" for name, value in b.items() if value != a[name])
         raise refused(f"is of another subject than {first.path}: {differences}", "subject", "Fit one subject at a time")

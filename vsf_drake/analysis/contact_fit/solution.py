@@ -13,7 +13,7 @@ from vsf_drake.analysis.comparison import Comparison
 from vsf_drake.analysis.contact_fit.options import JOINT
 from vsf_drake.analysis.contact_fit.paper import PaperEnd, search_like_the_paper
 from vsf_drake.analysis.contact_fit.parameters import OFFSET_HEIGHT, FitParameters, TrialMap, owner
-from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, FitEvaluation, ResidualTerm
+from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, FitEvaluation
 from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty, run_searches, search, uncertainty
 from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
 from vsf_drake.errors import FitError, SimulationError
@@ -24,6 +24,15 @@ from vsf_drake.simulation.results import WalkResult
 
 ALIKE = 2.0
 """Searches whose cost is within this of the lowest fit the data as well: a likelihood ratio of exp(-2) (a choice)."""
+
+
+@dataclass(frozen=True)
+class NoiseRatio:
+    """Root mean square of a series of residuals over the noise that was assumed."""
+
+    trial: str
+    series: str
+    ratio: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +49,10 @@ class JointEnd:
         """The searches that fit as well as the best one (see ALIKE)."""
         return [s for s in self.searches if s.cost <= self.searches[self.best].cost + ALIKE]
 
-    def noise_ratios(self) -> list[tuple[ResidualTerm, float]]:
-        """Each series of residuals with their root mean square over the noise that was assumed."""
-        return [(term, float(np.sqrt(np.mean(term.residual**2)))) for term in self.evaluation.terms
-                if term.name != PRIOR]
+    def noise_ratios(self) -> tuple[NoiseRatio, ...]:
+        """Of each series of residuals."""
+        return tuple(NoiseRatio(term.trial, term.name, float(np.sqrt(np.mean(term.residual**2))))
+                     for term in self.evaluation.terms if term.name != PRIOR)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,16 +75,14 @@ class ContactFitSolution:
     def walk_values(self) -> dict[str, float]:
         """Variables of a walk (`Walker.walk(values=...)`) that every trial of this subject shares; those that a joint
         fit left at the model's are not named."""
-        self.check()
-        variables, shared = self.fit.walker.variables, self._walk_values(None)
+        variables, shared = self.fit.walker.variables, self.all_values(None)
         return {name: value for name, value in shared.items() if isinstance(self.end, PaperEnd)
                 or (name in variables and value != variables[name].default)}
 
     def contact(self, verdict: tuple[str, ...] = ()) -> FittedContact:
         """The content of `contact.yaml`, with a verdict in words."""
-        self.check()
-        subject, shared = self.fit.walker.subject, self._walk_values(None)
-        own = [(label, trial, self._walk_values(label))
+        subject, shared = self.fit.walker.subject, self.all_values(None)
+        own = [(label, trial, self.all_values(label))
                for label, trial in zip(self.fit.labels, self.fit.trials, strict=True)]
         solver = {"solver": self.fit.joint.solver} if isinstance(self.end, JointEnd) else {}
         return FittedContact(
@@ -97,16 +104,6 @@ class ContactFitSolution:
         if isinstance(self.end, PaperEnd):
             return self.fit.walk(trial, self.end.values, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
         return self.fit.terms_of(trial, label).walk(self.end.u, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
-
-    def bench_stiffness(self) -> np.ndarray:
-        """(m,) N/m of the fitted foot on the bench; order and errors as of `ContactFit.bench_stiffness`."""
-        self.check()
-        return self.fit.machine.evaluate(self._walk_values(None))[0]
-
-    def bench_displacement(self) -> np.ndarray:
-        """(m,) m, its mid-range displacement there, where that was measured."""
-        self.check()
-        return self.fit.machine.displacement(self._walk_values(None))[0]
 
     def refitted_without(self, labels: Sequence[str]) -> ContactFitSolution | None:
         """The same fit without these trials, searched once from this solution on; None of the paper's fit, which is of
@@ -130,8 +127,9 @@ class ContactFitSolution:
         if not self.success:
             raise FitError(f"the fit failed: {self.message}")
 
-    def _walk_values(self, label: str | None) -> dict[str, float]:
-        """All values of a walk, perturbations too, of a fitted trial or of any other."""
+    def all_values(self, label: str | None) -> dict[str, float]:
+        """All values of a walk, perturbations too, of a fitted trial or (None) of any other."""
+        self.check()
         if isinstance(self.end, PaperEnd):
             return self.end.values
         return TrialMap(self.fit.parameters, self.fit.walker.variables, label, None).at(self.end.u).values

@@ -22,8 +22,7 @@ from vsf_drake.files import plain
 
 ENOUGH, AGAIN = 0.5, 3
 """A search has not converged while a step would still lower the cost by more: a likelihood ratio of exp(-1/2). It is
-then begun again where it stopped, this often. Trust regions that are scaled by the distance to the bounds can stop
-early where they begin on one."""
+then begun again there, this often: trust regions scaled by the distance to the bounds can stop early on one."""
 INSIDE = 0.1
 """So far within the bounds, in standard deviations of the prior, searches begin."""
 LOST = 100.0
@@ -90,6 +89,7 @@ def prior_samples(parameters: FitParameters, count: int, seed: list[int]) -> np.
 def _start(fit: ContactFit, i: int) -> np.ndarray:
     if i == 0:
         return fit.parameters.start
+
     def cost(u: np.ndarray) -> float:
         try:
             return fit.evaluate(u, derivatives=False).cost
@@ -112,11 +112,10 @@ def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], 
     start_cost = tried.best_cost
     method = _gauss_newton if fit.joint.solver == "gauss_newton" else _drake
     success, message = method(fit, tried, start)
-    for _ in range(AGAIN):
-        if not success or _left_to_gain(fit, tried.best) <= ENOUGH:
-            break
+    left, again = _left_to_gain(fit, tried.best), AGAIN
+    while success and left > ENOUGH and again:
         success, message = _gauss_newton(fit, tried, tried.best)
-    left = _left_to_gain(fit, tried.best)
+        left, again = _left_to_gain(fit, tried.best), again - 1
     if success and left > ENOUGH:
         success, message = False, f"it stopped where a step would still lower the cost by {left:.1f}; {message}"
     elif not success and left <= ENOUGH:
@@ -264,10 +263,8 @@ class Uncertainty:
     singular_values: np.ndarray  # (P,) of the data's Jacobian by u, falling
     weakest: tuple[Direction, ...]
     at_bound: tuple[str, ...]  # errors of these are not to be trusted
-    unidentified: tuple[str, ...]  # share of the prior above `unidentified_above_share`
-    unidentified_above_share: float = SURE_SHARE
+    unidentified: tuple[str, ...]  # share of the prior above SURE_SHARE
     together: tuple[Pair, ...]
-    together_above: float = CLOSE
 
 
 def uncertainty(
