@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from made_results import make_plate, make_walk
-from vsf_drake.motion.trial_record import Trial
 
 from vsf_drake.analysis.contact_fit.assessment import BenchRow, Beside, LeftOut, TrialCurves, TrialScore
 from vsf_drake.analysis.contact_fit.paper import PaperState
@@ -23,7 +22,7 @@ from vsf_drake.analysis.contact_fit.table import (
 from vsf_drake.analysis.fulcrum_sweep import swept
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.files import resource
-from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial import Trial, load_trial
 
 ODD = "<b>odd</b> $x_$ ü"
 """A label that is neither HTML nor a formula."""
