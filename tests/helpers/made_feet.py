@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import RigidBody, RpyFloatingJoint, SpatialInertia
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from vsf_drake.ground import Ground
 from vsf_drake.parameters import FootParameters
-from vsf_drake.plants import FootHandles, WiredFoot, add_foot, wire_foot
+from vsf_drake.plants import FootHandles, WiredFoot, add_foot, add_ground_geometry, wire_foot
+from vsf_drake.plants.contact_geometry import DRAKE_CONTACTS
 from vsf_drake.plants.foot import mount_pose, sole_height
 
 PARAMETERS = FootParameters()
@@ -44,7 +46,8 @@ class LooseFoot:
 
     def output(self, name: str) -> np.ndarray:
         """An output of the foot in the present state."""
-        return self.wired.GetOutputPort(name).Eval(self.forces_context).copy()
+        port = self.wired.GetOutputPort(name)
+        return port.Eval(port.get_system().GetMyContextFromRoot(self.context)).copy()
 
     def outputs(self) -> dict[str, np.ndarray]:
         """All vector outputs of the foot's forces."""
@@ -98,15 +101,19 @@ def add_loose_shank(plant: MultibodyPlant, base: str) -> RigidBody:
 
 
 def loose_foot(*, base: str = "rpy", gravity_W: np.ndarray = GRAVITY_W, parameters: FootParameters = PARAMETERS,
-               contact: str = "kelvin_voigt", **wiring) -> LooseFoot:
-    """The foot with its forces; `wiring` goes to wire_foot."""
+               contact: str = "kelvin_voigt", ground: Ground | None = None) -> LooseFoot:
+    """The foot with its forces on `ground`, by default the plane z = 0."""
     builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
+    drakes = contact in DRAKE_CONTACTS
+    plant = (AddMultibodyPlantSceneGraph(builder, 0.0)[0] if drakes
+             else builder.AddNamedSystem("plant", MultibodyPlant(0.0)))
     plant.mutable_gravity_field().set_gravity_vector(gravity_W)
     shank = add_loose_shank(plant, base)
     foot = add_foot(plant, shank.body_frame(), parameters, contact=contact)
+    if drakes:
+        add_ground_geometry(plant, ground, foot=parameters, contact=contact)
     plant.Finalize()
-    wired = wire_foot(builder, plant, foot, **wiring)
+    wired = wire_foot(builder, plant, foot, ground=None if drakes else ground)
     diagram = builder.Build()
     return LooseFoot(diagram, plant, shank, foot, wired, diagram.CreateDefaultContext())
 

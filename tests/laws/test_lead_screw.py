@@ -57,14 +57,6 @@ def test_motor_draws_stall_current_at_rest_and_none_at_the_ideal_speed_of_its_vo
     assert law.limited_voltage(2.0, 0.05, lead=LEAD, gear_ratio=3.0, torque_constant=7e-3) == 2.0
 
 
-def test_servo_voltage_is_odd_limited_and_zero_within_the_tolerance():
-    servo = {"limit": 7.0, "band": 2e-3, "tolerance": 1e-4}
-    assert law.servo_voltage(9e-5, **servo) == law.servo_voltage(-9e-5, **servo) == 0.0
-    assert law.servo_voltage(0.05, **servo) == pytest.approx(7.0, rel=1e-9)
-    for error in (2.1e-3, -2.1e-3):
-        assert law.servo_voltage(error, **servo) == pytest.approx(math.copysign(7.0 * math.tanh(1.0), error))
-
-
 def test_motion_satisfies_both_equations_and_friction_takes_energy():
     rng = np.random.default_rng(2)
     seen = set()

@@ -47,13 +47,6 @@ def test_segments_of_the_papers_subject(subject):
     assert body.foot_length == pytest.approx(0.2683, abs=1e-4)
 
 
-def test_measured_lengths_replace_scaled_ones(subject):
-    body = body_of(subject, thigh_length_m=0.40, shank_length_m=0.41, ankle_height_m=0.08, foot_length_m=0.25,
-                   hip_forward_m=0.0, hip_up_m=-0.08, hip_lateral_m=0.09)
-    assert body.leg_length == pytest.approx(0.89)
-    assert (body.foot_length, body.hip_forward, body.hip_up, body.hip_lateral) == (0.25, 0.0, -0.08, 0.09)
-
-
 def test_hip_centre_lies_where_hara_puts_it_for_a_leg_of_900_mm(subject):
     """Hara et al. 2016: 11 - 0.063 LL, -9 - 0.078 LL, 8 + 0.086 LL mm, LL from the spine, 79.2 mm over the hip, down to
     the malleolus: thigh and shank of 820.8 mm."""

@@ -132,15 +132,6 @@ def test_support_follows_the_fulcrum_position_from_joint_to_joint_under_load():
     assert carriage.get_translation(moving.plant.GetMyContextFromRoot(moving.context)) == pytest.approx(0.151, abs=1e-6)
 
 
-def test_earlier_monitor_goes_on_and_may_still_stop_the_run():
-    foot, seen = Held(0.066), []
-    foot.simulator.set_monitor(lambda context: seen.append(context.get_time()))
-    follow_fulcrum(foot.simulator, foot.plant, foot.wired)
-    foot.advance(0.01)
-    assert seen[-1] == pytest.approx(0.01)
-    assert len(seen) >= 10
-
-
 @pytest.mark.parametrize("contact", ["drake_point", "hydroelastic"])
 def test_dropped_leg_comes_to_rest_on_its_weight_at_a_millisecond(contact):
     force, _, note = drop(FOOT, contact, MILLISECOND, 0.151, 0.8, np.inf)
@@ -235,12 +226,3 @@ def test_supports_that_cannot_be_placed_are_refused():
         place_fulcrum(foot.plant, foot.context, foot.foot, 0.1)
     with pytest.raises(InputError, match="what wire_foot returned"):
         follow_fulcrum(foot.simulator, foot.plant, foot.foot)
-
-
-def test_solver_without_constraints_is_refused():
-    plant = MultibodyPlant(1e-5)
-    if not hasattr(DiscreteContactApproximation, "kTamsi"):
-        pytest.skip("this Drake has no other solver")
-    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
-    with pytest.raises(InputError, match="kLagged"):
-        add_foot(plant, plant.world_frame(), FOOT)

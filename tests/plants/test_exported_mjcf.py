@@ -144,18 +144,3 @@ def test_spheres_meet_the_floor_and_not_one_another():
     pairs = {tuple(contact.geom) for contact in data.contact}
     assert all(floor in pair for pair in pairs)
     assert len(pairs) == sum(len(zone.x_mm) for zone in NOMINAL.zones)
-
-
-def test_foot_can_be_attached_to_another_model():
-    """Below a body that is 1 m up, the mount comes to the frame that it is attached to."""
-    leg = mujoco.MjSpec()
-    leg.option.timestep, leg.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    shank = leg.worldbody.add_body(name="shank", pos=[0, 0, 1], mass=1.0, inertia=[1, 1, 1])
-    shank.add_freejoint()
-    foot = mujoco.MjSpec.from_string(foot_mjcf(NOMINAL, fulcrum_m=0.108))
-    shank.add_frame(pos=[0, 0, -0.2]).attach_body(foot.body("vsf_frame"), "left_", "")
-    model = leg.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    np.testing.assert_allclose(data.site("left_vsf_mount").xpos, [0, 0, 0.8], atol=1e-11)
-    assert model.ntendon == 1

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from pressed_keel import rise_in_drake
@@ -14,7 +12,6 @@ from pydrake.multibody.tree import (
     ForceElementIndex,
     LinearBushingRollPitchYaw,
     PrismaticJoint,
-    RevoluteSpring,
 )
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
@@ -24,18 +21,12 @@ from vsf_drake.files import resource
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import GRAVITY, FootParameters
-from vsf_drake.plants import add_foot
 from vsf_drake.plants.contact_geometry import add_ground_geometry
 from vsf_drake.plants.export import foot_sdf
 from vsf_drake.plants.solids import box
 from vsf_drake.simulation.bench import keel_shape
 
 NOMINAL = FootParameters()
-UNUSUAL = replace(
-    NOMINAL, pylon_x_m=0.07, mass_kg=0.8, build_height_m=0.11,
-    keel=replace(NOMINAL.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007))
-
-
 def read(text, weight=True):
     """A plant of the file's foot, its mount on the world's frame."""
     plant = MultibodyPlant(0.0)
@@ -49,89 +40,13 @@ def read(text, weight=True):
     return plant
 
 
-def added(parameters):
-    plant = MultibodyPlant(0.0)
-    add_foot(plant, plant.world_frame(), parameters)
-    plant.Finalize()
-    return plant
-
-
-def coordinates(plant, angles):
-    """A context with these values by joint name."""
-    context, q = plant.CreateDefaultContext(), np.zeros(plant.num_positions())
-    for name, value in angles.items():
-        q[plant.GetJointByName(name).position_start()] = value
-    plant.SetPositions(context, q)
-    return context
-
-
-@pytest.fixture(params=[NOMINAL, UNUSUAL], ids=["nominal", "unusual"])
-def pair(request):
-    """(read, added): the plants of one foot."""
-    return read(foot_sdf(request.param)), added(request.param)
-
-
-def random_angles(plant, seed):
-    rng = np.random.default_rng(seed)
-    angles = {plant.get_joint(i).name(): rng.uniform(-0.3, 0.3) for i in plant.GetJointIndices()
-              if plant.get_joint(i).type_name() == "revolute"}
-    return angles | {"fulcrum": rng.uniform(0.066, 0.151)}
-
-
-def test_frames_are_where_add_foot_has_them(pair):
-    parsed, plant = pair
-    for seed in range(3):
-        angles = random_angles(plant, seed)
-        contexts = coordinates(parsed, angles), coordinates(plant, angles)
-        for name in ["vsf_frame", "vsf_mount", "vsf_carriage", *(f"keel_body_{i}" for i in range(len(angles) - 1))]:
-            read_one, known = (p.GetFrameByName(name).CalcPoseInWorld(c) for p, c in zip(pair, contexts, strict=True))
-            assert read_one.IsNearlyEqualTo(known, 1e-11), name
-
-
-def test_masses_centres_and_inertias_are_those_of_add_foot(pair):
-    """Body by body, and as the joints feel them together: 12 digits a number."""
-    _, plant = pair
-    names = [plant.get_body(i).name() for i in plant.GetBodyIndices(plant.GetModelInstanceByName("vsf"))]
-    for name in names:
-        read_one, known = (p.GetBodyByName(name).default_spatial_inertia() for p in pair)
-        np.testing.assert_allclose(read_one.get_mass(), known.get_mass(), rtol=1e-11)
-        np.testing.assert_allclose(read_one.get_com(), known.get_com(), atol=1e-12)
-        np.testing.assert_allclose(read_one.CopyToFullMatrix6(), known.CopyToFullMatrix6(), atol=1e-12)
-    angles = random_angles(plant, 7)
-    order = [[p.GetJointByName(name).velocity_start() for name in angles] for p in pair]
-    read_one, known = (p.CalcMassMatrix(coordinates(p, angles))[np.ix_(at, at)]
-                    for p, at in zip(pair, order, strict=True))
-    np.testing.assert_allclose(read_one, known, rtol=1e-9, atol=1e-13)
-
-
-def test_springs_and_dampers_are_in_the_joints_and_the_pin_is_free():
-    plant = read(foot_sdf(NOMINAL))
-    forces = [plant.get_force_element(ForceElementIndex(i)) for i in range(plant.num_force_elements())]
-    stiffness = {force.joint().name(): force.default_stiffness() for force in forces
-                 if isinstance(force, RevoluteSpring)}
-    keel = NOMINAL.keel
-    bending = keel.flexural_modulus_pa * section_inertia(keel.width_m, keel.thickness_m)
-    assert stiffness == pytest.approx({f"keel_{i}": bending / length
-                                       for i, length in enumerate(keel.element_lengths_m, start=1)}, rel=1e-11)
-    slide = plant.GetJointByName("fulcrum")
-    assert (slide.position_lower_limit(), slide.position_upper_limit(), plant.num_actuators()) == (0.066, 0.151, 0)
-    damping = {name: plant.GetJointByName(name).default_damping() for name in ("keel_pin", *stiffness)}
-    assert damping == pytest.approx({"keel_pin": 0.0} | {
-        name: k * keel.damping_time_s for name, k in stiffness.items()}, rel=1e-10)
-
-
-def test_collision_spheres_are_the_contact_sites_and_leave_one_another_alone():
+def test_collision_spheres_leave_one_another_alone_and_may_be_left_out():
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
     Parser(plant).AddModelsFromString(foot_sdf(NOMINAL), "sdf")
     plant.Finalize()
     inspector = scene_graph.model_inspector()
     spheres = inspector.GetAllGeometryIds(Role.kProximity)
     assert len(spheres) == sum(len(zone.x_mm) for zone in NOMINAL.zones)
-    assert sorted(round(1e4 * inspector.GetShape(i).radius()) for i in spheres) == [11] * 18 + [424] * 6
-    stiffness = [inspector.GetProximityProperties(i).GetProperty("material", "point_contact_stiffness")
-                 for i in spheres]
-    heel, foam = NOMINAL.zones[0].stiffness, NOMINAL.zones[-1].stiffness
-    np.testing.assert_allclose(sorted(stiffness), [foam] * 18 + [heel] * 6, rtol=1e-11)
     assert not inspector.GetCollisionCandidates()
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
     Parser(plant).AddModelsFromString(foot_sdf(NOMINAL, collision=False), "sdf")

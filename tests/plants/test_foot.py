@@ -103,11 +103,3 @@ def test_mount_moves_in_the_context_by_the_offsets(alone):
     for wrong in (None, other.CreateDefaultContext()):  # Drake would end the process, or change what has that number
         with pytest.raises(InputError, match=r"plant_context: .*GetMyMutableContextFromRoot"):
             set_mount(wrong, handles, height=0.004)
-
-
-def test_positive_keel_coordinates_lift_the_toe(alone):
-    plant, handles, context = alone
-    for name in handles.keel_joint_names:
-        plant.GetJointByName(name).set_angle(context, 0.05)
-        assert handles.keel[-1].EvalPoseInWorld(context).rotation().matrix()[2, 0] == pytest.approx(np.sin(0.05))
-        plant.GetJointByName(name).set_angle(context, 0.0)

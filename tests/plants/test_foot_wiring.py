@@ -1,4 +1,4 @@
-"""Wired feet: derivatives of a URDF leg by everything; beside each other, beside other forces, again and again each
+"""Wired feet: derivatives by everything; beside each other, beside other forces, again and again each
 behaves as one alone and leaves nothing behind; what Drake leaves out of copies."""
 
 from __future__ import annotations
@@ -15,15 +15,13 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, Ini
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialForce, SpatialVelocity
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ExternallyAppliedSpatialForce, MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
-from pydrake.symbolic import Expression, MakeVectorContinuousVariable, Polynomial
+from pydrake.symbolic import Expression, MakeVectorContinuousVariable
 from pydrake.systems.framework import Context, DiagramBuilder
-from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource, FirstOrderLowPassFilter
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
 from vsf_drake.errors import InputError
-from vsf_drake.files import resource
 from vsf_drake.ground import Ground, GroundPatch, ground_arrays
 from vsf_drake.plants import (
     add_foot,
@@ -36,7 +34,7 @@ from vsf_drake.plants import (
 )
 from vsf_drake.plants.foot import mount_pose, sole_height
 from vsf_drake.plants.foot_handles import FootHandles
-from vsf_drake.systems import GaitDriver, KeelElasticity
+from vsf_drake.systems import KeelElasticity
 from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 UNEVEN = Ground(patches=(
@@ -44,64 +42,34 @@ UNEVEN = Ground(patches=(
     GroundPatch(name="mat", from_x_m=0.1, height_m=2e-3, stiffness_n_per_m=3e4, mu_static=0.9, mu_kinetic=0.8)))
 
 
-class Leg:
-    """models/leg.urdf, loose, with the foot; accelerations as a function of state, position and parameters."""
-
-    def __init__(self, contact: str, ground: Ground) -> None:
-        builder = DiagramBuilder()
-        self.plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-        Parser(self.plant).AddModels(str(resource("models/leg.urdf")))
-        self.foot = add_foot(self.plant, self.plant.GetFrameByName("pylon_end"), PARAMETERS, contact=contact)
-        self.plant.Finalize()
-        self.wired = wire_foot(builder, self.plant, self.foot, ground=ground)
-        builder.ExportInput(self.wired.fulcrum_position, "fulcrum_position")
-        self.diagram = builder.Build()
-        self.context = self.diagram.CreateDefaultContext()
-        self.converted = self.diagram.ToAutoDiffXd()
-
-    def stand(self, depth: float, *, seed: int | None = None) -> np.ndarray:
-        """State with the sole `depth` in the level ground: at rest and straight, or somewhat off it with a `seed`."""
-        own = self.plant.GetMyMutableContextFromRoot(self.context)
-        q, v = np.zeros(self.plant.num_positions()), np.zeros(self.plant.num_velocities())
-        q[0] = 1.0
-        self.plant.SetPositionsAndVelocities(own, np.concatenate((q, v)))
-        self.plant.SetPositions(own, self.foot.instance, np.append(np.zeros(9), 0.108))
-        hip = self.plant.GetBodyByName("hip")
-        X_WK = self.foot.frame.EvalPoseInWorld(own)
-        X_WH = RigidTransform([0.0, 0.0, -X_WK.translation()[2] - sole_height(PARAMETERS) - depth])
-        self.plant.SetFreeBodyPose(own, hip, X_WH)
-        state = self.plant.GetPositionsAndVelocities(own)
-        if seed is not None:
-            rng = np.random.default_rng(seed)
-            self.plant.SetFreeBodyPose(own, hip, X_WH @ RigidTransform(RollPitchYaw(*rng.uniform(-0.02, 0.02, 3)),
-                                                                       np.zeros(3)))
-            state = self.plant.GetPositionsAndVelocities(own)
-            state[7:19] += rng.uniform(-0.01, 0.01, 12)
-            state[19:] = rng.normal(scale=0.2, size=18)
-        return state
-
-    def acceleration(self, state: np.ndarray) -> np.ndarray:
-        self.plant.SetPositionsAndVelocities(self.plant.GetMyMutableContextFromRoot(self.context), state)
-        return self.diagram.EvalTimeDerivatives(self.context).CopyToVector()[19:]
-
-    def converted_context(self, state: np.ndarray):
-        context = self.converted.CreateDefaultContext()
-        context.SetTimeStateAndParametersFrom(self.context)
-        self.converted.FixInputPortsFrom(self.diagram, self.context, context)
-        context.SetContinuousState(state)
-        return context
-
-    def converted_acceleration(self, context) -> np.ndarray:
-        return self.converted.EvalTimeDerivatives(context).CopyToVector()[19:]
-
-
 @pytest.fixture(scope="module", params=CONTACT_LAWS)
 def leg(request):
-    return Leg(request.param, UNEVEN)
+    """(foot, accelerations of a state, state): on all branches of the laws, some spheres on each patch."""
+    foot = loose_foot(base="quaternion", contact=request.param, ground=UNEVEN)
+    foot.wired.forces.SetParameters(foot.forces_context, **EVERY_BRANCH)
+    X_WK, V_WM, q, v = some_state(6, depth=5e-3)
+    foot.place(X_WK, 0.4 * V_WM, q, v)  # some spheres stick
+    assert (foot.output("normal_force") > 0).sum() > 8
+    positions = foot.plant.num_positions()
+
+    def acceleration(state: np.ndarray) -> np.ndarray:
+        foot.plant.SetPositionsAndVelocities(foot.plant_context, state)
+        return foot.diagram.EvalTimeDerivatives(foot.context).CopyToVector()[positions:]
+
+    return foot, acceleration, foot.plant.GetPositionsAndVelocities(foot.plant_context)
+
+
+def converted(foot: LooseFoot, state: np.ndarray):
+    """(diagram, context) for AutoDiffXd."""
+    general = foot.diagram.ToAutoDiffXd()
+    context = general.CreateDefaultContext()
+    context.SetTimeStateAndParametersFrom(foot.context)
+    context.SetContinuousState(state)
+    return general, context
 
 
 def assert_columns_agree(actual, expected, rtol):
-    """Each column against its own size: one of the keel is a million times one of the hip."""
+    """Each column against its own size: one of the keel is a million times one of the shank."""
     size = np.abs(expected).max(axis=0)
     np.testing.assert_allclose(actual / np.maximum(size, 1e-9), expected / np.maximum(size, 1e-9), atol=rtol)
 
@@ -110,37 +78,33 @@ def central(function, step) -> np.ndarray:
     return (function(step) - function(-step)) / (2.0 * step)
 
 
-def test_accelerations_and_their_derivatives_by_the_state(leg):
-    state = leg.stand(5e-3, seed=4)
-    assert state.shape == (37,)
-    forces = leg.wired.forces
-    converted = leg.converted_acceleration(leg.converted_context(InitializeAutoDiff(state).ravel()))
-    plain = leg.acceleration(state)
-    normal = leg.wired.GetOutputPort("normal_force").Eval(forces.GetMyContextFromRoot(leg.context))
-    assert (normal > 0).sum() > 8
-    np.testing.assert_allclose(ExtractValue(converted).ravel(), plain, rtol=1e-8, atol=1e-9 * np.abs(plain).max())
-    expected = np.stack([central(lambda s, e=e: leg.acceleration(state + s * e), 1e-7) for e in np.eye(37)], axis=1)
-    assert_columns_agree(ExtractGradient(converted), expected, 1e-4)
+def test_accelerations_and_their_derivatives_by_state_and_fulcrum_position(leg):
+    """The position as an input, by one more variable than the state has."""
+    foot, acceleration, state = leg
+    port, n = foot.wired.fulcrum_position, len(state)
+    general, context = converted(foot, InitializeAutoDiff(state, n + 1, 0).ravel())
+    forces = general.GetSubsystemByName("vsf_forces")
+    forces.GetInputPort("fulcrum_position").FixValue(
+        forces.GetMyMutableContextFromRoot(context), [AutoDiffXd(0.11, np.eye(n + 1)[n])])
+    port.FixValue(foot.forces_context, [0.11])
+    plain, exact = acceleration(state), general.EvalTimeDerivatives(context).CopyToVector()[foot.plant.num_positions():]
+    np.testing.assert_allclose(ExtractValue(exact).ravel(), plain, rtol=1e-8, atol=1e-9 * np.abs(plain).max())
+    expected = [central(lambda s, e=e: acceleration(state + s * e), 1e-7) for e in np.eye(n)]
 
+    def by_position(s):
+        port.FixValue(foot.forces_context, [0.11 + s])
+        return acceleration(state)
 
-def test_derivative_by_the_fulcrum_position_as_input(leg):
-    state, port = leg.stand(5e-3, seed=4), leg.diagram.GetInputPort("fulcrum_position")
-    context = leg.converted_context(state)
-    leg.converted.GetInputPort("fulcrum_position").FixValue(context, [AutoDiffXd(0.108, [1.0])])
-
-    def by_input(s):
-        port.FixValue(leg.context, [0.108 + s])
-        return leg.acceleration(state)
-
-    actual = ExtractGradient(leg.converted_acceleration(context))
-    assert_columns_agree(actual, central(by_input, 1e-7)[:, None], 1e-5)
+    expected.append(central(by_position, 1e-7))
+    assert_columns_agree(ExtractGradient(exact), np.stack(expected, axis=1), 1e-4)
 
 
 def test_derivatives_by_every_parameter(leg):
     """Each along a random direction of its own entries; the bounds of the patches have none."""
-    leg.context = leg.diagram.CreateDefaultContext()
-    state, forces, rng = leg.stand(5e-3, seed=4), leg.wired.forces, np.random.default_rng(8)
-    sub = forces.GetMyMutableContextFromRoot(leg.context)
+    foot, acceleration, state = leg
+    forces, rng = foot.wired.forces, np.random.default_rng(8)
+    foot.context = foot.diagram.CreateDefaultContext()  # without a fulcrum position but the parameter
+    sub = foot.forces_context
     forces.SetParameters(sub, **EVERY_BRANCH)
     names = [name for name in forces.parameter_names if name != "ground_bounds"]
     values = {name: forces.GetParameter(sub, name) for name in names}
@@ -149,24 +113,24 @@ def test_derivatives_by_every_parameter(leg):
     # For central differences, off the bounds.
     values = {name: value + 1e-4 * directions[name] for name, value in values.items()}
     forces.SetParameters(sub, **values)
-    context = leg.converted_context(state)
-    converted = leg.converted.GetSubsystemByName("vsf_forces")
-    own = converted.GetMyMutableContextFromRoot(context)
+    general, context = converted(foot, state)
+    system = general.GetSubsystemByName("vsf_forces")
+    own = system.GetMyMutableContextFromRoot(context)
     for i, name in enumerate(names):
         s = AutoDiffXd(0.0, np.eye(len(names))[i])
-        converted.SetParameters(own, **{name: values[name] + directions[name] * s})
-    actual = ExtractGradient(leg.converted_acceleration(context))
+        system.SetParameters(own, **{name: values[name] + directions[name] * s})
+    actual = ExtractGradient(general.EvalTimeDerivatives(context).CopyToVector())[foot.plant.num_positions():]
 
     def along(name, s):
         forces.SetParameters(sub, **{name: values[name] + s * directions[name]})
-        return leg.acceleration(state)
+        return acceleration(state)
 
     expected = np.zeros_like(actual)
     for i, name in enumerate(names):
         expected[:, i] = central(lambda s, name=name: along(name, s), 1e-5)
         along(name, 0.0)
     unused = {"kelvin_voigt": {"dissipation", "depth_width", "rate_width"}, "smooth": {"dissipation"},
-              "hunt_crossley": {"damping", "full_damping_depth", "depth_width", "rate_width"}}[leg.foot.contact]
+              "hunt_crossley": {"damping", "full_damping_depth", "depth_width", "rate_width"}}[foot.foot.contact]
     assert {name for i, name in enumerate(names) if not expected[:, i].any()} == unused
     assert_columns_agree(actual, expected, 1e-4)
 
@@ -174,17 +138,17 @@ def test_derivatives_by_every_parameter(leg):
 @pytest.mark.parametrize("contact", CONTACT_LAWS)
 def test_derivatives_are_numbers_at_rest_at_touch_down_and_in_the_air(contact):
     """Zero slip and depth rate; depth exactly zero; no load, no centre of pressure."""
-    leg = Leg(contact, Ground())
-    forces = leg.converted.GetSubsystemByName("vsf_forces")
+    foot = loose_foot(contact=contact)
     for depth in (3e-3, 0.0, -0.2):
-        context = leg.converted_context(InitializeAutoDiff(leg.stand(depth)).ravel())
-        assert np.all(np.isfinite(ExtractGradient(leg.converted_acceleration(context))))
-        for i in range(forces.num_output_ports()):
-            port = forces.get_output_port(i)
-            if port.get_name() != "spatial_forces":
-                value = port.Eval(forces.GetMyContextFromRoot(context))
-                assert np.all(np.isfinite(ExtractValue(value))), port.get_name()
-                assert np.all(np.isfinite(ExtractGradient(value))), port.get_name()
+        X_WK = RigidTransform([0.0, 0.0, -sole_height(PARAMETERS) - depth])
+        foot.place(X_WK, np.zeros(6), np.append(np.zeros(9), 0.108), np.zeros(10))
+        state = foot.plant.GetPositionsAndVelocities(foot.plant_context)
+        general, context = converted(foot, InitializeAutoDiff(state).ravel())
+        assert np.all(np.isfinite(ExtractGradient(general.EvalTimeDerivatives(context).CopyToVector())))
+        forces = general.GetSubsystemByName("vsf_forces")
+        for name in foot.outputs():
+            value = forces.GetOutputPort(name).Eval(forces.GetMyContextFromRoot(context))
+            assert np.all(np.isfinite(ExtractValue(value))) and np.all(np.isfinite(ExtractGradient(value))), name
 
 
 SEED = 5
@@ -373,32 +337,19 @@ def test_a_clone_of_a_continuous_diagram_goes_on_from_the_originals_context(cont
                                   diagram.EvalTimeDerivatives(context).CopyToVector())
 
 
-def test_springs_and_servos_are_linear_in_symbols_and_what_has_no_symbolic_form_says_why():
-    """A diagram of both: coefficients of the state are what they were built with."""
+def test_springs_are_linear_in_symbols_and_what_has_no_symbolic_form_is_named():
     builder = DiagramBuilder()
     keel = builder.AddNamedSystem("keel", KeelElasticity(
         num_velocities=2, velocity_indices=[0, 1], stiffness=[3.0, 5.0], damping=[0.125, 0.25]))
-    servo = builder.AddNamedSystem("servo", GaitDriver(
-        num_velocities=2, velocity_indices=[1], position_gain=7.0, velocity_gain=0.5))
     builder.ExportInput(keel.GetInputPort("state"), "state")
-    builder.ConnectInput("state", servo.GetInputPort("state"))
-    builder.ExportInput(servo.GetInputPort("desired_state"), "desired")
-    for system in (keel, servo):
-        builder.ExportOutput(system.GetOutputPort("generalized_force"), system.get_name())
+    builder.ExportOutput(keel.GetOutputPort("generalized_force"), "keel")
     symbolic = to_symbolic(builder.Build())
     context, x = symbolic.CreateDefaultContext(), MakeVectorContinuousVariable(4, "x")
     symbolic.GetInputPort("state").FixValue(context, [Expression(v) for v in x])
-    symbolic.GetInputPort("desired").FixValue(context, [Expression(0.3), Expression(0.0)])
     assert [str(f) for f in symbolic.GetOutputPort("keel").Eval(context)] == [
         "( - 3 * x(0) - 0.125 * x(2))", "( - 5 * x(1) - 0.25 * x(3))"]
-    force = Polynomial(symbolic.GetOutputPort("servo").Eval(context)[1], x)
-    assert force.TotalDegree() == 1
-    assert force.Evaluate(dict(zip(x, [0.0, 0.1, 0.0, 2.0], strict=True))) == pytest.approx(7.0 * 0.2 - 0.5 * 2.0)
     with pytest.raises(InputError, match=r"vsf_forces .*ToAutoDiffXd"):
         to_symbolic(loose_foot().diagram)
-    builder = DiagramBuilder()
-    builder.AddSystem(FirstOrderLowPassFilter(0.1))
-    assert len(to_symbolic(builder.Build()).GetSystems()) == 1
 
 
 def test_a_patch_whose_static_friction_is_less_than_the_feet_kinetic_one_is_as_slippery_for_a_sliding_foot():

@@ -58,22 +58,16 @@ def port(rig, name, context):
     return output.Eval(output.get_system().GetMyContextFromRoot(context))[0]
 
 
-@pytest.fixture(scope="module")
-def in_the_air():
+def test_support_and_carriage_follow_the_screw():
     """0.15 s of a foot that hangs clear of the ground."""
     rig = made()
     it = simulator(rig)
     it.AdvanceTo(0.15)
-    return rig, it.get_context()
-
-
-def test_support_and_carriage_follow_the_screw(in_the_air):
-    rig, root = in_the_air
+    root = it.get_context()
     assert rig.diagram.ToAutoDiffXd().num_continuous_states() == rig.diagram.num_continuous_states()
     position, speed = port(rig, "fulcrum_position", root), port(rig, "carriage_velocity", root)
     assert 0.09 + 0.1 * 0.11 < position < 0.09 + 0.13 * 0.13
-    at_foot = rig.wired.fulcrum_position.Eval(rig.wired.forces.GetMyContextFromRoot(root))[0]
-    assert at_foot == position
+    assert rig.wired.fulcrum_position.Eval(rig.wired.forces.GetMyContextFromRoot(root))[0] == position
     carriage = rig.plant.GetJointByName("fulcrum").get_translation(rig.plant.GetMyContextFromRoot(root))
     lag = 2 * speed / (2 * np.pi * 600.0)  # of a critically damped servo of 600 Hz behind a ramp
     assert carriage == pytest.approx(position - lag, abs=1e-5)

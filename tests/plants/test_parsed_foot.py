@@ -22,6 +22,8 @@ from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.station import add_model_package
 
 FOOT = FootParameters()
+UNUSUAL = replace(FOOT, pylon_x_m=0.07, mass_kg=0.8, build_height_m=0.11, keel=replace(
+    FOOT.keel, element_lengths_m=(0.05, 0.04, 0.03, 0.06, 0.049), thickness_m=0.007))
 LEG = "package://vsf_drake/leg.urdf"
 FOOT_UNDER_LEG = "package://vsf_drake/foot_under_leg.dmd.yaml"
 
@@ -107,11 +109,13 @@ def test_carriage_starts_where_its_servo_holds_it(asked, known):
     assert force[slide.velocity_start()] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("parameters", [FOOT, UNUSUAL], ids=["nominal", "unusual"])
 @pytest.mark.parametrize("springs", [True, False])
-def test_springs_of_the_file_are_left_out_of_the_wired_forces_and_those_it_lacks_are_not(springs):
-    """The carriage of a file without a position goes to that of add_foot."""
-    plant = parsed(foot_sdf(FOOT, springs=springs))
-    foot, known = find_foot(plant, "vsf", FOOT), add_foot(other := MultibodyPlant(0.0), other.world_frame(), FOOT)
+def test_springs_of_the_file_are_left_out_of_the_wired_forces_and_those_it_lacks_are_not(springs, parameters):
+    """The carriage of a file without a position goes to that of add_foot. What is found is what add_foot builds."""
+    plant = parsed(foot_sdf(parameters, springs=springs))
+    foot = find_foot(plant, "vsf", parameters)
+    known = add_foot(other := MultibodyPlant(0.0), other.world_frame(), parameters)
     assert foot.fulcrum_m == plant.GetJointByName("fulcrum").get_default_translation() == 0.108
     np.testing.assert_array_equal(foot.joint_stiffness, 0.0 if springs else known.joint_stiffness)
     np.testing.assert_array_equal(foot.joint_damping, 0.0 if springs else known.joint_damping)
@@ -161,22 +165,19 @@ def test_collision_spheres_do_not_act_beside_a_law_of_the_model(with_floor):
 
 
 def test_collision_spheres_are_drakes_contact_where_somebody_asks_for_it(with_floor):
-    """By default a foot has the same contact, found or added."""
-    builder, plant, _ = with_floor
+    """By default a foot has the same contact, found or added; spheres of another foam are refused where they are seen.
+    """
+    builder, plant, scene_graph = with_floor
+    harder = replace(FOOT, zones=(*FOOT.zones[:-1], replace(FOOT.zones[-1], stiffness=9000.0)))
+    with pytest.raises(InputError, match=r"foam_11 has stiffness \(N/m\) 7872.5, by the parameters 9000"):
+        find_foot(plant, "vsf", harder, contact="drake_point", scene_graph=scene_graph)
     with pytest.raises(InputError, match=r"24 collision spheres.*'kelvin_voigt' would act beside.*\"drake_point\""):
         find_foot(plant, "vsf", FOOT)
-    foot = find_foot(plant, "vsf", FOOT, contact="drake_point")
+    foot = find_foot(plant, "vsf", FOOT, contact="drake_point", scene_graph=scene_graph)
     wire_foot(builder, plant, foot)
     context = builder.Build().CreateDefaultContext()
     touching = plant.get_contact_results_output_port().Eval(plant.GetMyContextFromRoot(context))
     assert touching.num_point_pair_contacts() == 21, "all but the three of the frame, which is welded to the world"
-
-
-def test_collision_spheres_of_another_foam_are_refused_where_they_can_be_seen(with_floor):
-    _, plant, scene_graph = with_floor
-    harder = replace(FOOT, zones=(*FOOT.zones[:-1], replace(FOOT.zones[-1], stiffness=9000.0)))
-    with pytest.raises(InputError, match=r"foam_11 has stiffness \(N/m\) 7872.5, by the parameters 9000"):
-        find_foot(plant, "vsf", harder, contact="drake_point", scene_graph=scene_graph)
 
 
 def changed_keel(**changes):

@@ -1,5 +1,4 @@
-"""What every system has: parameters by name within their bounds, an end, documented ports; all of them in one diagram
-for scalar conversion and derivatives."""
+"""What every system has: parameters by name within their bounds, an end, documented ports."""
 
 from __future__ import annotations
 
@@ -12,11 +11,9 @@ import numpy as np
 import port_text
 import pytest
 from made_feet import loose_foot
-from made_systems import force_systems, further_systems, public_diagrams, public_systems
-from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
+from made_systems import one_of_each, public_diagrams, public_systems
+from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.framework import DiagramBuilder, PortDataType
-from pydrake.systems.primitives import Adder
 
 from vsf_drake.errors import InputError
 from vsf_drake.plants.station import Station
@@ -113,12 +110,10 @@ def only_new_objects():
     gc.unfreeze()
 
 
-def test_systems_end_with_their_last_reference_and_with_their_diagram_and_the_converted_one(rig, only_new_objects):
-    systems = force_systems(rig) | further_systems(rig)
-    assert {type(system) for system in systems.values()} == public_systems()
-    arguments = {name: (type(system), system._arguments) for name, system in systems.items()}
-    del systems
-    for cls, given in arguments.values():
+def test_systems_end_with_their_last_reference_and_with_their_diagram_and_the_converted_one(only_new_objects):
+    arguments = [(type(system), system._arguments) for system in one_of_each()]
+    assert {cls for cls, _ in arguments} == public_systems()
+    for cls, given in arguments:
         system = cls(**given)
         seen = weakref.ref(system)
         del system
@@ -164,8 +159,8 @@ def test_system_lives_as_long_as_a_diagram_around_it(only_new_objects):
 IN_A_TABLE = {Station}  # its ports depend on the scenario and stand in the module's table: tests/plants tests it
 
 
-def test_port_blocks_and_docstrings_say_what_is_declared(rig):
-    systems = {type(system): system for system in (force_systems(rig) | further_systems(rig)).values()}
+def test_port_blocks_and_docstrings_say_what_is_declared():
+    systems = {type(system): system for system in one_of_each()}
     systems |= {cls: built_diagrams.build(cls).diagram for cls in public_diagrams() - IN_A_TABLE}
     for cls, system in systems.items():
         block, name = port_text.port_block(cls.__doc__), cls.__name__
@@ -182,91 +177,3 @@ def test_port_blocks_and_docstrings_say_what_is_declared(rig):
         parameters = set(getattr(system, "parameter_names", ()))
         text = port_text.sections(cls.__doc__).get("Parameters in the Context", "")
         assert parameters == port_text.listed_parameters(text, parameters), name
-
-
-# One of everything
-
-
-SEED = 10
-PLANT_PORTS = {"body_poses", "body_spatial_velocities", "state"}
-
-
-@pytest.fixture
-def everything(rig):
-    """(diagram, systems, context): spheres on the way in, sliding; fulcrum off the joints, machine pressing."""
-    builder = DiagramBuilder()
-    plant = builder.AddSystem(rig.plant)
-    systems = force_systems(rig)
-    for name, system in systems.items():
-        system.set_name(name)
-        builder.AddSystem(system)
-        for port in PLANT_PORTS:
-            if system.HasInputPort(port):
-                builder.Connect(plant.GetOutputPort(port), system.GetInputPort(port))
-    contact, friction, reaction = systems["contact"], systems["friction"], systems["reaction"]
-    for receiver in (friction, reaction):
-        builder.Connect(contact.GetOutputPort("normal_force"), receiver.GetInputPort("normal_force"))
-    builder.Connect(friction.GetOutputPort("friction_force"), reaction.GetInputPort("friction_force"))
-    for name, port in (("fulcrum", "fulcrum_position"), ("driver", "desired_state"), ("machine", "platen")):
-        builder.ExportInput(systems[name].GetInputPort(port), port)
-    for port in ("grf", "cop", "free_moment"):
-        builder.ExportOutput(reaction.GetOutputPort(port), port)
-    spatial = [systems[name] for name in ("contact", "friction", "fulcrum", "machine")]
-    multiplexer = builder.AddSystem(ExternallyAppliedSpatialForceMultiplexer(len(spatial)))
-    for i, system in enumerate(spatial):
-        builder.Connect(system.GetOutputPort("spatial_forces"), multiplexer.get_input_port(i))
-    builder.Connect(multiplexer.get_output_port(), plant.get_applied_spatial_force_input_port())
-    generalized = [systems[name] for name in ("bushing", "keel", "driver")]
-    adder = builder.AddSystem(Adder(len(generalized), 9))
-    for i, system in enumerate(generalized):
-        builder.Connect(system.GetOutputPort("generalized_force"), adder.get_input_port(i))
-    builder.Connect(adder.get_output_port(), plant.get_applied_generalized_force_input_port())
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    plant_context = rig.context(SEED)
-    context.SetContinuousState(rig.plant.GetPositionsAndVelocities(plant_context))
-    diagram.GetInputPort("fulcrum_position").FixValue(context, [0.066])
-    diagram.GetInputPort("desired_state").FixValue(context, [0.1, -0.1, 0.5, 0.2])
-    p_WS, _, _ = rig.points(plant_context)
-    diagram.GetInputPort("platen").FixValue(context, [p_WS[-1, 2] + 2e-3, 1.0])
-    return diagram, systems, context
-
-
-def test_autodiff_derivatives_equal_central_differences_by_state_constants_and_fulcrum(everything):
-    """Of the accelerations and the ground reaction, at parameters that were changed in the Context; values too."""
-    diagram, systems, context = everything
-    for name, port in (("contact", "normal_force"), ("friction", "friction_force"), ("fulcrum", "support_force"),
-                       ("bushing", "wrench"), ("keel", "joint_moment"), ("driver", "tracking_error"),
-                       ("machine", "load"), ("reaction", "grf")):
-        system = systems[name]
-        assert np.any(system.GetOutputPort(port).Eval(system.GetMyContextFromRoot(context)) != 0.0), name
-    names = ("stiffness", "exponent", "damping", "full_damping_depth")
-    x = np.concatenate((context.get_continuous_state_vector().CopyToVector(), [9e4, 1.3, 50.0, 0.05], [0.066]))
-
-    def rates(whole, root, values):
-        contact = whole.GetSubsystemByName("contact")
-        root.SetContinuousState(values[:18])
-        contact.SetParameters(contact.GetMyMutableContextFromRoot(root), **dict(zip(names, values[18:22], strict=True)))
-        whole.GetInputPort("fulcrum_position").FixValue(root, values[22:])
-        return np.concatenate((whole.EvalTimeDerivatives(root).CopyToVector(), whole.GetOutputPort("grf").Eval(root)))
-
-    converted = diagram.ToAutoDiffXd()
-    ad_context = converted.CreateDefaultContext()
-    ad_context.SetTimeStateAndParametersFrom(context)
-    converted.FixInputPortsFrom(diagram, context, ad_context)
-    exact = rates(converted, ad_context, InitializeAutoDiff(x).ravel())
-    plain = rates(diagram, context, x)
-    np.testing.assert_allclose(ExtractValue(exact).ravel(), plain, rtol=1e-10, atol=1e-10 * np.abs(plain).max())
-    steps = np.append(np.full(18, 1e-7), 1e-6 * np.maximum(np.abs(x[18:]), 1e-2))
-    expected = np.stack([(rates(diagram, context, x + h * e) - rates(diagram, context, x - h * e)) / (2 * h)
-                         for h, e in zip(steps, np.eye(len(x)), strict=True)], axis=1)
-    size = np.abs(expected).max(axis=0)
-    np.testing.assert_allclose(ExtractGradient(exact) / size, expected / size, rtol=1e-4, atol=1e-6)
-    # At rest and at touch-down: zero slip, depth exactly zero at one sphere, keel undeformed, bushing at its kink.
-    x[:18] = np.eye(18)[2] * systems["contact"].GetParameter(
-        systems["contact"].GetMyContextFromRoot(context), "radius")[0]
-    for exponent in (1.0, 1.5, 7.66):
-        x[19] = exponent
-        assert np.all(np.isfinite(ExtractGradient(rates(converted, ad_context, InitializeAutoDiff(x).ravel()))))
-        for port in ("grf", "cop", "free_moment"):
-            assert np.all(np.isfinite(ExtractGradient(converted.GetOutputPort(port).Eval(ad_context))))
