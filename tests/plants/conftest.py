@@ -14,11 +14,6 @@ from vsf_drake.plants.gait import GaitDiagram, make_gait
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 
 
-@cache
-def _gait(side: str, sex: str) -> GaitDiagram:
-    return make_gait(replace(SUBJECT, prosthetic_side=side, sex=sex), ModelParameters())
-
-
 @pytest.fixture
 def subject() -> Subject:
     """The paper's subject: male, 78 kg, 1.81 m."""
@@ -27,5 +22,5 @@ def subject() -> Subject:
 
 @pytest.fixture(scope="session")
 def gait() -> Callable[..., GaitDiagram]:
-    """gait(side, sex="male"): the person of that side of prosthesis and sex, on the ground; built once."""
-    return lambda side, sex="male": _gait(side, sex)
+    """gait(side): the person of that side of prosthesis, on the ground; built once."""
+    return cache(lambda side: make_gait(replace(SUBJECT, prosthetic_side=side), ModelParameters()))

@@ -323,20 +323,6 @@ def test_a_copy_whose_keel_would_have_no_springs_is_refused(contact, time_step_s
     assert not plant.Clone().get_joint_actuator(actuator.index()).has_controller()
 
 
-@pytest.mark.parametrize("contact", ["kelvin_voigt", "drake_point"])
-def test_a_clone_of_a_continuous_diagram_goes_on_from_the_originals_context(contact):
-    """From its own default Context it would not: Drake's clone of a plant forgets where joints are by default."""
-    diagram, plant = standing(contact, 0.0)
-    context = diagram.CreateDefaultContext()
-    own = plant.GetMyMutableContextFromRoot(context)
-    plant.SetVelocities(own, np.linspace(-1.0, 1.0, plant.num_velocities()))
-    clone = diagram.Clone()
-    theirs = clone.CreateDefaultContext()
-    theirs.SetTimeStateAndParametersFrom(context)
-    np.testing.assert_array_equal(clone.EvalTimeDerivatives(theirs).CopyToVector(),
-                                  diagram.EvalTimeDerivatives(context).CopyToVector())
-
-
 def test_springs_are_linear_in_symbols_and_what_has_no_symbolic_form_is_named():
     builder = DiagramBuilder()
     keel = builder.AddNamedSystem("keel", KeelElasticity(

@@ -155,6 +155,12 @@ def test_person_has_28_degrees_of_freedom_and_the_keels_and_stands_on_both_soles
     assert len(person.coordinate_names) + len(SOCKET_COORDINATES) + 1 == 28
     context = plant.CreateDefaultContext()
     assert np.linalg.eigvalsh(plant.CalcMassMatrix(context)).min() > 0
+    sound = "left" if side == "right" else "right"
+    centre = {part: person.segments[f"{part}_{sound}"].default_spatial_inertia().get_com()
+              for part in ("thigh", "shank", "foot")}  # where de Leva puts them
+    np.testing.assert_allclose(centre["thigh"], [0, 0, -0.4095 * person.body.thigh_length], atol=1e-12)
+    np.testing.assert_allclose(centre["shank"], [0, 0, -0.4395 * person.body.shank_length], atol=1e-12)
+    assert centre["foot"][0] + 0.25 * person.body.foot_length == pytest.approx(0.4415 * person.body.foot_length)
     plant.GetJointByName("pelvis_ty").set_translation(context, person.body.leg_length - person.body.hip_up)
     for sites in (person.foot.sites, person.intact_sites):
         bottoms = [(plant.get_body(b).EvalPoseInWorld(context) @ p)[2] - r
