@@ -9,16 +9,14 @@ import signal
 import subprocess
 import sys
 from contextlib import nullcontext
-from types import SimpleNamespace
 
 import pytest
 import yaml
-from browser import chromium, look
 from command_line import exit_code, read_json
 from made_tuning import BEST_MM, POSITIONS, failed_table, parabola, small_table
 from sweep_files import copied
 
-from vsf_drake.analysis.tuning import inputs, level1, level2
+from vsf_drake.analysis.tuning import level1, level2
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.cli import tune
 from vsf_drake.errors import InputError
@@ -122,19 +120,6 @@ def test_an_earlier_tuning_can_be_begun_from(run, tmp_path, made):
         assert table.fulcrum_mm == BEST_MM and set(arrays) == {"sweep_mm"}
     assert run("tune", LOW, "--contact", CONTACT, "--warm-start", tmp_path / "one", "--out", tmp_path / "two")[0] == 0
     assert made["calls"][1][3][0] == table
-
-
-def test_without_a_contact_offsets_are_fitted_and_that_is_said(run, tmp_path, made, monkeypatch):
-    def fit_offsets(trial, progress):
-        progress(3, 1.5)
-        return SimpleNamespace(offsets=trial.offsets, success=True, at_bound=("height_m",), message="")
-
-    monkeypatch.setattr(inputs, "fit_offsets", fit_offsets)
-    code, out, _ = run("tune", LOW, "--out", tmp_path / "out")
-    assert code == 0 and "No fitted contact was given" in out
-    notes = read_json(tmp_path / "out" / "tuning.json")["notes"]
-    assert notes[0].startswith("No fitted contact was given")
-    assert "low_2: the fit of its offsets ended on a bound (height_m)." in notes
 
 
 def test_mistakes_of_the_analysis_are_named_as_the_command_line_names_them(run, tmp_path, made):
@@ -313,16 +298,6 @@ def test_the_embedded_person_is_tuned_and_the_optimum_is_the_lowest_of_the_sweep
     before = {path: path.read_bytes() for path in tuned.rglob("*") if path.is_file()}
     assert run("report", tuned)[0] == 0
     assert {path: path.read_bytes() for path in tuned.rglob("*") if path.is_file()} == before
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
-def test_page_of_the_embedded_person_reads_on_a_desk_and_on_a_telephone(tuned, tmp_path):
-    for width in (1280, 390):
-        (tmp_path / str(width)).mkdir()
-        seen = look(tuned / "report.html", tmp_path / str(width), width=width)
-        assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == ([], [], [], 0, 0)
-        assert seen.scroll <= width and seen.images >= 4
 
 
 @pytest.mark.slow

@@ -59,16 +59,6 @@ def test_gradient_is_continuous_where_the_fulcrum_passes_a_joint_of_the_keel(mad
     assert abs(slopes[1] - slopes[0]) < 0.2 * abs(sharp[1] - sharp[0])
 
 
-def test_the_program_gives_drake_the_cost_over_its_size_and_its_gradient(made_tuning):
-    tuning = made_tuning(design=("alignment",))
-    program = tuning.program()
-    u = tuning.to_u(np.array([90.0, 0.01]))
-    assert program.EvalBindings(program.GetAllCosts(), u)[0] == pytest.approx(tuning.scaled(u)[0], rel=1e-12)
-    assert tuning.from_u(u) == pytest.approx([90.0, 0.01])
-    assert tuning.scaled(u)[1] == pytest.approx(
-        tuning.evaluate(tuning.from_u(u)).gradient * (tuning.high - tuning.low) / tuning.combination.size)
-
-
 def test_several_trials_cost_their_mean(made_tuning):
     x = np.array([100.0])
     both, *alone = (made_tuning(*names, cost="tracking").evaluate(x) for names in (

@@ -118,13 +118,6 @@ def test_a_walk_that_is_sagittal_and_periodic_comes_back(planar, known_period, m
         np.testing.assert_allclose(stride.measured(foot, t)[0][:, :2], source.measured(foot, t)[0][:, :2], atol=15.0)
 
 
-def test_the_period_of_a_periodic_walk_is_found_from_its_two_ends(planar):
-    trial, source = planar
-    stride = recorded_stride(trial)
-    assert "self-similarity" in stride.notes[0]
-    assert stride.period_s == pytest.approx(source.period_s, abs=1e-3)
-
-
 def test_the_way_of_walking_in_the_laboratory_does_not_matter(embedded_stride):
     _, trial, walker, stride = embedded_stride
     other = recorded_stride(turned(trial, 0.6), walker)
@@ -144,19 +137,6 @@ def test_left_mirrors_right(embedded_stride):
     t = np.linspace(0.0, 1.0, 50)
     np.testing.assert_allclose(other.sample(t)[0], stride.sample(t)[0], atol=1e-4)
     np.testing.assert_allclose(other.measured("intact", t)[0], stride.measured("intact", t)[0], atol=0.2)
-
-
-def test_motion_repeats_and_its_derivatives_belong_to_it(embedded_stride):
-    stride = embedded_stride[3]
-    t = np.linspace(-0.3, 0.9, 41)
-    q, v, a = stride.sample(t)
-    later = stride.sample(t + stride.period_s)
-    np.testing.assert_allclose(later[0] - q, np.tile(stride.advance_m * np.eye(8)[1], (len(t), 1)), atol=1e-12)
-    np.testing.assert_allclose(later[2], a, atol=1e-9)
-    h = 1e-4
-    before, after = stride.sample(t - h), stride.sample(t + h)
-    np.testing.assert_allclose((after[0] - before[0]) / (2 * h), v, atol=1e-4)
-    np.testing.assert_allclose((after[1] - before[1]) / (2 * h), a, atol=2e-2)
 
 
 def test_period_is_that_of_the_walk_as_it_was_drawn(embedded_stride):
@@ -248,7 +228,6 @@ def test_what_makes_no_stride_is_refused(planar, known_period):
 def test_forces_of_one_foot_alone_are_not_followed(planar, known_period):
     trial, _ = planar
     one = dataclasses.replace(trial, plates={trial.subject.prosthetic_side: trial.prosthetic_plate})
-    assert made.periodic.forced_acceleration(recorded_stride(trial).forces, trial.subject.mass_kg) is not None
     stride = recorded_stride(one)
     assert made.periodic.forced_acceleration(stride.forces, trial.subject.mass_kg) is None
     assert set(stride.forces) == {"prosthetic"}

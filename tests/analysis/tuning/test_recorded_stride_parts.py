@@ -121,6 +121,11 @@ def test_curves_of_enough_harmonics_are_recovered_from_more_than_a_period():
     weights = closing_weights(t, t[0], t[-1], 1.2)
     fitted = fit_periodic(t, truth.sample(t)[0], weights, period_s=1.2, advance=truth.advance, order=2)
     np.testing.assert_allclose(fitted.coefficients, truth.coefficients, atol=1e-12)
+    q, v, a = truth.sample(t)
+    np.testing.assert_allclose(truth.sample(t + 1.2)[0], q + 1.3, atol=1e-12)
+    before, after = truth.sample(t - 1e-4), truth.sample(t + 1e-4)
+    for order, exact in ((0, v), (1, a)):
+        np.testing.assert_allclose((after[order] - before[order]) / 2e-4, exact, atol=1e-5)
 
 
 def test_weights_of_instants_a_period_apart_sum_to_one():

@@ -22,7 +22,6 @@ from vsf_drake.analysis.tuning.resimulation.resimulate import (
 from vsf_drake.analysis.tuning.resimulation.trajectory import (
     SagittalTrajectory,
     SolutionMotion,
-    design_values,
     solved_trajectory,
     whole_motion,
 )
@@ -31,7 +30,7 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.reactions import foot_reaction
-from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing, sagittal_coordinates
+from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 
 FEET = ("prosthetic", "intact")
 
@@ -156,22 +155,9 @@ def test_outputs_variables_and_device_are_the_solution_s(solution):
     modulus = embedded_walker().variables["keel.flexural_modulus"].default
     assert given.fulcrum_m == 0.12 and given.values["offset.alignment"] == 0.01
     assert given.values["keel.flexural_modulus"] == pytest.approx(0.9**3 * modulus)
-
-
-@pytest.mark.parametrize("design", [{"heel_stiffness": 1.4}, {"alignment_rad": 0.03}, {"keel_thickness": 1.2}])
-def test_full_model_s_device_is_the_sagittal_model_s(solution, design):
-    """The design variable against a sagittal model that is made with the walk's values: all outputs alike."""
-    walker = embedded_walker()
-    here = {kind: getattr(solution, kind).T for kind in ("q", "v", "a")} | {"smoothing": Smoothing()}
-    own, other = SagittalModel(walker), SagittalModel(walker, values=design_values(walker, **design))
-    w = np.full((len(own.quasi_static), 41), 2e-3)
-    p = np.tile(np.array([[0.108], [1.0], [0.0], [1.0]]), 41)
-    changed = p.copy()
-    changed[DESIGN.index(*design)] = next(iter(design.values()))
-    by_design = own.evaluate(**here, w=w, u=0.0 * w, p=changed)
-    by_value = other.evaluate(**here, w=w, u=0.0 * w, p=p)
-    np.testing.assert_allclose(by_design, by_value, rtol=1e-6, atol=1e-3)
-    assert np.abs(by_design - own.evaluate(**here, w=w, u=0.0 * w, p=p)).max() > 1.0
+    heel = {name: value for name, value in given.values.items() if name.startswith("contact")}
+    assert len(heel) == 3 and all(name.startswith("contact.heel") and value == pytest.approx(
+        1.2 * embedded_walker().variables[name].default) for name, value in heel.items())
 
 
 # Its motion, prescribed to the full model, gives the ground reaction of that walk and of no other.

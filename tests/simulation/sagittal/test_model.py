@@ -16,7 +16,6 @@ from pydrake.systems.framework import Context
 from vsf_drake.analysis.tuning.level2.stride import BALANCED, quasi_static_motion
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws import bushing, kelvin_voigt, stick_slip
-from vsf_drake.laws.smooth_contact import rounded_positive_part
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters
@@ -32,7 +31,6 @@ from vsf_drake.simulation.sagittal.model import (
     SagittalModel,
     Smoothing,
     friction,
-    positive_part_integral,
     spring_forces,
 )
 from vsf_drake.simulation.sagittal.planar_dynamics import planar_tree
@@ -209,47 +207,24 @@ def test_what_a_person_at_rest_lacks_is_weight_less_ground(person):
         assert y["balance_pelvis_tilt"][i] == pytest.approx(axis * need, abs=1e-9)
 
 
-def same(person, p, other, p_other):
-    _, model = person
+@pytest.mark.parametrize(("design", "values"), [
+    (("heel_stiffness", 1.7), lambda own: {name: 1.7 * value for name, value in own.items()
+                                           if name.startswith("contact.heel") and name.endswith(".stiffness")}),
+    (("alignment_rad", -0.05), lambda own: {"offset.alignment": -0.05}),
+    (("keel_thickness", 1.25), lambda own: {"keel.flexural_modulus": 1.25**3 * own["keel.flexural_modulus"]}),
+    (("fulcrum_m", 0.118), lambda own: {"fulcrum.shift": 0.01})])
+def test_design_is_that_of_the_walks_variables(person, design, values):
+    """Stiffness of all zones at the heel, a turn of the mount, bending by the cube of a thickness, a place."""
+    walker, model = person
     at = drawn(model, 10, seed=30)
-    at.p[0], at.p[1:] = 0.108, np.array([1.0, 0.0, 1.0])[:, None]
-    mine, theirs = at.p.copy(), at.p.copy()
-    mine[DESIGN.index(p[0])], theirs[DESIGN.index(p_other[0])] = p[1], p_other[1]
-    found = model.evaluate(*at[:5], mine, Smoothing())
-    known = other.evaluate(*at[:5], theirs, Smoothing())
-    np.testing.assert_allclose(found, known, rtol=1e-12, atol=1e-9)
-    plain = model.evaluate(*at, Smoothing())
-    assert np.abs(found - plain).max() > 1.0
-
-
-def changed(person, values=None, **offsets):
-    walker, _ = person
-    own = {"height_m": 0.004, "fore_aft_m": -0.006, "alignment_rad": 0.03} | offsets
-    return SagittalModel(walker, offsets=GeometricOffsets(**own), values=values)
-
-
-def test_heel_stiffness_is_that_of_all_zones_at_the_heel(person):
-    walker, _ = person
-    zones = [name for name in walker.gait.person.foot.sites.zone_names if name.startswith("heel")]
-    assert len(zones) == 3
-    values = {f"contact.{zone}.stiffness": 1.7 * walker.variables[f"contact.{zone}.stiffness"].default
-              for zone in zones}
-    same(person, ("heel_stiffness", 1.7), changed(person, values), ("heel_stiffness", 1.0))
-
-
-def test_alignment_turns_the_foot_on_its_mount(person):
-    same(person, ("alignment_rad", -0.05), changed(person, alignment_rad=-0.02), ("alignment_rad", 0.0))
-
-
-def test_thickness_bends_as_its_cube(person):
-    """As a modulus that is so much higher, with the joints' damping in proportion."""
-    walker, _ = person
-    values = {"keel.flexural_modulus": 1.25**3 * walker.variables["keel.flexural_modulus"].default}
-    same(person, ("keel_thickness", 1.25), changed(person, values), ("keel_thickness", 1.0))
-
-
-def test_shift_of_the_fulcrum_adds_to_its_position(person):
-    same(person, ("fulcrum_m", 0.125), changed(person, {"fulcrum.shift": 0.01}), ("fulcrum_m", 0.115))
+    at.p[:] = np.array([0.108, 1.0, 0.0, 1.0])[:, None]
+    changed = at.p.copy()
+    changed[DESIGN.index(design[0])] = design[1]
+    values = values({name: variable.default for name, variable in walker.variables.items()})
+    other = SagittalModel(walker, offsets=OFFSETS, values=values)
+    found = model.evaluate(*at[:5], changed, Smoothing())
+    np.testing.assert_allclose(found, other.evaluate(*at, Smoothing()), rtol=1e-12, atol=1e-9)
+    assert np.abs(found - model.evaluate(*at, Smoothing())).max() > 1.0
 
 
 SMOOTHINGS = [Smoothing(depth_m=0.002), Smoothing(depth_m=0.01, friction_velocity_m_per_s=0.5, damping=0.0)]
@@ -276,11 +251,10 @@ def test_closed_form_is_that_of_complex_steps(person, smoothing):
     assert (np.abs(by - known) / largest).max() < 1e-12
 
 
-@pytest.mark.parametrize("smoothing", SMOOTHINGS)
-def test_derivatives_are_those_of_central_differences(person, smoothing):
+def test_derivatives_are_those_of_central_differences(person):
     """Off by h^2 / 6 of the third derivative, of some 1 / width^2, over smooth corners no narrower than 0.2 mm."""
     _, model = person
-    at = drawn(model, 6, seed=5)
+    at, smoothing = drawn(model, 6, seed=5), SMOOTHINGS[0]
     by = linearise(model, *at, smoothing)[1]
     h = 1e-6 * np.repeat([1.0, 10.0, 10.0, 0.1, 1.0, 0.1], SIZES)
     more, less = (model.evaluate(*stepped(at, sign * h), smoothing) for sign in (1.0, -1.0))
@@ -342,18 +316,7 @@ def test_support_gives_back_what_is_stored_in_it(person):
     np.testing.assert_allclose(lost, support.damping * rate**2, rtol=1e-6, atol=1e-9)
 
 
-CORNER = np.linspace(-3.0, 3.0, 6001)
 FRICTION = {"mu_static": 0.5, "mu_kinetic": 0.3, "threshold_velocity": 0.1}
-
-
-def slope(law, x):
-    return law(x + 1j * IMAGINARY_STEP).imag / IMAGINARY_STEP
-
-
-def test_integral_is_that_of_the_corner():
-    np.testing.assert_allclose(
-        slope(lambda x: positive_part_integral(x, 0.7), CORNER), rounded_positive_part(CORNER, 0.7), atol=1e-15)
-    assert positive_part_integral(np.array([-0.7]), 0.7)[0] == 0.0
 
 
 def test_friction_is_the_law_up_to_four_fifths_of_the_threshold_and_rounded_above():
