@@ -45,11 +45,10 @@ Show = Callable[[str, float], None]
 _ONLY = {**dict.fromkeys(("intervals", "method"), (2, ", where the motion is free")),
          "joints": (1, "; level 2 has all joints of the sagittal plane"), "pareto": (1, "")}
 """The level that has an option, where the other has not, and why."""
-_OPTION_OF = {"cost": "--cost", "weights": "--weights", "design": "--design", "bounds_mm": "--fulcrum-range",
-              "pareto": "--pareto", "intervals": "--intervals", "method": "--method", "joints": "--joints",
-              "warm_start": "--warm-start", "seed": "--seed", "trials": "TRIAL.yaml",
-              "resolution_mm": "--resolution-mm"}
-"""By what the analysis calls it."""
+_OPTIONS = {name: f"--{name.replace('_', '-')}" for name in (
+    "cost", "weights", "design", "pareto", "intervals", "method", "joints", "warm_start", "seed", "resolution_mm")}
+_OPTIONS |= {"bounds_mm": "--fulcrum-range", "trials": "TRIAL.yaml"}
+"""By what the analysis calls them."""
 _READ = 0.1  # share of the bar at which a schedule's trials are read
 
 
@@ -230,10 +229,10 @@ def _named_as_options(warm_file: Path | None = None) -> Iterator[None]:
         yield
     except InputError as error:
         name, _, part = re.sub(r"\[.*", "", str(error.where or "")).partition(".")
-        if error.file is not None or name not in _OPTION_OF:
+        if error.file is not None or name not in _OPTIONS:
             raise
         raise InputError(error.what, file=warm_file if name == "warm_start" else None,
-                         where=f"{_OPTION_OF[name]} {part}".rstrip(), right=error.right) from None
+                         where=f"{_OPTIONS[name]} {part}".rstrip(), right=error.right) from None
 
 
 def _level_options(asked: Asked) -> Options:

@@ -34,22 +34,28 @@ DESCRIPTORS = {"speed_m_per_s": "m/s", "slope_deg": "°", "carried_kg": "kg"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
-    """What one setting is for: its trials' manifests, and what tells it apart, None where that is not known."""
+class Described:
+    """What tells a task apart, None where that is not known."""
 
     label: str
-    trials: tuple[str, ...]
     speed_m_per_s: float | None = quantity(None, unit="m/s", low=0.0, high=10.0, source="measured or set")
     slope_deg: float | None = quantity(None, unit="deg", low=-45.0, high=45.0, source="measured, uphill +")
     carried_kg: float | None = quantity(None, unit="kg", low=0.0, high=200.0, source="measured")
 
     @property
-    def manifests(self) -> tuple[Path, ...]:
-        return tuple(map(Path, self.trials))
-
-    @property
     def descriptors(self) -> dict[str, float | None]:
         return {name: getattr(self, name) for name in DESCRIPTORS}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task(Described):
+    """What one setting is for: its trials' manifests."""
+
+    trials: tuple[str, ...]
+
+    @property
+    def manifests(self) -> tuple[Path, ...]:
+        return tuple(map(Path, self.trials))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,10 +128,9 @@ class CostCurve:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TaskSetting:
-    """A row of the policy; None where a task has no result, and for descriptors that are not known."""
+class TaskSetting(Described):
+    """A row of the policy; None where a task has no result."""
 
-    label: str
     fulcrum_mm: float | None  # what is stored: within the reach, rounded to the carriage's resolution
     exact_mm: float | None  # before that
     cost: float | None  # at what is stored
@@ -137,18 +142,11 @@ class TaskSetting:
     setting, and the one for all lies outside of the interval. None if that is not known."""
     optimal: bool  # whether the tuning of the task ended at an optimum
     status: str  # how it ended
-    speed_m_per_s: float | None = None
-    slope_deg: float | None = None
-    carried_kg: float | None = None
     trials: tuple[str, ...] = ()
     recorded_mm: tuple[float, ...] = ()  # where the fulcrum stood in each
     sweep: CostCurve = CostCurve()
     rest: float | None = None  # the cost at its own setting, without terms that only hold to the recording
     rest_common: float | None = None  # and at the one for all
-
-    @property
-    def descriptors(self) -> dict[str, float | None]:
-        return {name: getattr(self, name) for name in DESCRIPTORS}
 
 
 @dataclass(frozen=True, kw_only=True)

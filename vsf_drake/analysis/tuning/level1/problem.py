@@ -22,18 +22,7 @@ from pydrake.solvers import MathematicalProgram
 
 from vsf_drake.analysis.contact_fit.problem import labels_of
 from vsf_drake.analysis.tuning.common import WEIGHTED, check_cost
-from vsf_drake.analysis.tuning.level1.costs import (
-    TRACKING,
-    StanceFrame,
-    Terms,
-    WalkLoads,
-    combine,
-    sizes,
-    stance_frame,
-    value_of,
-    walk_loads,
-    walk_terms,
-)
+from vsf_drake.analysis.tuning.level1 import costs
 from vsf_drake.analysis.tuning.level1.options import DesignVariable, TuningOptions, design_variables, walk_setting
 from vsf_drake.errors import InputError
 from vsf_drake.motion.trial import Trial
@@ -47,10 +36,10 @@ Scaled = Callable[[np.ndarray, bool], tuple[float, np.ndarray]]  # see `Stiffnes
 class SettingOutcome:
     """One walk of a trial at one setting."""
 
-    terms: dict[str, Terms]
+    terms: dict[str, costs.Terms]
     walk: Walk
-    loads: WalkLoads
-    frame: StanceFrame
+    loads: costs.WalkLoads
+    frame: costs.StanceFrame
 
 
 class TrialTuning:
@@ -65,14 +54,14 @@ class TrialTuning:
         self.support_width_m = min(options.support_width_m, 0.5 * float(np.diff(keel).min()))
         # (P,) where its fulcrum stood, the device as it is.
         self.own = np.array([1e3 * trial.fulcrum_m, *(variable.default for variable in design[1:])])
-        self._frames: dict[tuple[object, ...], StanceFrame] = {}
+        self._frames: dict[tuple[object, ...], costs.StanceFrame] = {}
 
-    def frame(self, step_s: float, base: Mapping[str, float] | None = None) -> StanceFrame:
+    def frame(self, step_s: float, base: Mapping[str, float] | None = None) -> costs.StanceFrame:
         """What no setting changes, on the instants of walks in steps of `step_s`; `base` as of `at`."""
         key = (step_s, *(base or {}).items())
         if key not in self._frames:
             walk, own = self._walk(self.own, step_s, base or {})
-            self._frames[key] = stance_frame(self.walker, self.trial, walk, own, self.joints, self.options)
+            self._frames[key] = costs.stance_frame(self.walker, self.trial, walk, own, self.joints, self.options)
         return self._frames[key]
 
     def at(
@@ -81,18 +70,18 @@ class TrialTuning:
         """Walks at x (P,), with values of its variables in `base` instead of the model's; or SimulationError."""
         frame = self.frame(step_s, base)
         walk, loads = self._walk(x, step_s, base or {}, derivatives=derivatives)
-        return SettingOutcome(walk_terms(frame, loads, self.options), walk, loads, frame)
+        return SettingOutcome(costs.walk_terms(frame, loads, self.options), walk, loads, frame)
 
     def _walk(
         self, x: np.ndarray, step_s: float, base: Mapping[str, float], *, derivatives: bool = False
-    ) -> tuple[Walk, WalkLoads]:
+    ) -> tuple[Walk, costs.WalkLoads]:
         trial = self.trial
         values, by = walk_setting(self.design, x, self.walker.variables, trial.model.foot, base)
         walk = self.walker.walk(
             trial.trajectory, fulcrum_m=1e-3 * x[0], start_s=trial.start_s, end_s=trial.end_s, step_s=step_s,
             offsets=trial.offsets, values=values, with_respect_to=tuple(by) if derivatives else (),
             with_loads=derivatives, support_width_m=self.support_width_m)
-        return walk, walk_loads(self.walker, walk, np.array([*by.values()]) if derivatives else None, self.joints,
+        return walk, costs.walk_loads(self.walker, walk, np.array([*by.values()]) if derivatives else None, self.joints,
                                 self.options.cutoff_hz)
 
 
@@ -102,12 +91,12 @@ class TuningEvaluation:
 
     x: np.ndarray
     step_s: float
-    terms: Terms  # means over trials
+    terms: costs.Terms  # means over trials
     walks: tuple[SettingOutcome, ...]  # of each trial
 
     @property
     def cost(self) -> float:
-        return value_of(self.terms)
+        return costs.value_of(self.terms)
 
     @property
     def gradient(self) -> np.ndarray:
@@ -150,13 +139,14 @@ class StiffnessTuning:
                            for walker, trial, label in zip(walkers or _walkers(trials), trials, self.labels,
                                                            strict=True))
         frames = [part.frame(self.options.step_s) for part in self.parts]
-        self.own = [walk_terms(frame, frame.own, self.options) for frame in frames]  # costs at the trials' own settings
-        self.size = sizes(self.own)
+        # Costs at the trials' own settings.
+        self.own = [costs.walk_terms(frame, frame.own, self.options) for frame in frames]
+        self.size = costs.sizes(self.own)
         if any(name not in self.size for name in needed):
             raise InputError("the force of a trial's plate does not cover its window", where="trials",
                              right="Choose a window that the plate covers, or another cost")
-        self.combination = combine(cost, self.size, self.options)
-        self.own_cost = float(np.mean([value_of(self.combination.terms(own)) for own in self.own]))
+        self.combination = costs.combine(cost, self.size, self.options)
+        self.own_cost = float(np.mean([costs.value_of(self.combination.terms(own)) for own in self.own]))
         self.start = np.clip(np.mean([part.own for part in self.parts], axis=0), self.low, self.high)  # (P,)
         # Where the fulcrum stood (mm): trials of one position repeat each other.
         self.groups = tuple(round(float(part.own[0]), 1) for part in self.parts)
@@ -230,7 +220,7 @@ def _walkers(trials: Sequence[Trial]) -> list[Walker]:
     return walkers
 
 
-def _check_trials(trials: Sequence[Trial], costs: Sequence[str], options: TuningOptions) -> None:
+def _check_trials(trials: Sequence[Trial], needed: Sequence[str], options: TuningOptions) -> None:
     if isinstance(trials, (Trial, str, bytes)) or not all(isinstance(trial, Trial) for trial in trials):
         raise InputError("is no list of trials", where="trials", right="Give a list of what load_trial returns")
     if not trials:
@@ -242,9 +232,9 @@ def _check_trials(trials: Sequence[Trial], costs: Sequence[str], options: Tuning
             raise InputError(
                 f"its prosthesis is on the {side}, that of {first.path} on the {first.subject.prosthetic_side}",
                 file=trial.path, where="subject", right="Tune one person at a time")
-        if {"joint_load", "metabolic"} & set(costs):
+        if {"joint_load", "metabolic"} & set(needed):
             _check_planes(trial, options.joints)
-        if TRACKING not in costs:
+        if costs.TRACKING not in needed:
             continue
         right, plate = "Choose another cost, or a trial with ", trial.plates.get(side)
         if plate is None or not np.any(plate.force_W[:, 2] > 0.0):

@@ -12,20 +12,12 @@ from scipy.stats import qmc
 
 from vsf_drake.analysis.drake_solve import solved
 from vsf_drake.analysis.tuning.common import Progress, TuningCheck
+from vsf_drake.analysis.tuning.level1 import sweep as sweeps
 from vsf_drake.analysis.tuning.level1.costs import CONSISTENCY, TRACKING, value_of
 from vsf_drake.analysis.tuning.level1.options import DesignVariable
 from vsf_drake.analysis.tuning.level1.problem import StiffnessTuning, TuningEvaluation
 from vsf_drake.analysis.tuning.level1.solution import TuningSearch, TuningSolution
-from vsf_drake.analysis.tuning.level1.sweep import (
-    SettingSweep,
-    local_minima,
-    other_optima,
-    pareto,
-    positions,
-    same_load_outcomes,
-    sweep,
-    tasks,
-)
+from vsf_drake.analysis.tuning.level1.sweep import SettingSweep, positions, sweep
 from vsf_drake.analysis.tuning.level1.uncertainty import drawn_sweeps, fulcrum_uncertainty
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.fitted_trial import APPLIED
@@ -176,7 +168,7 @@ def _search(
     """Coarse sweep and searches from it; their best, and that once more in the step of the numbers."""
     options, run.stage = tuning.options, "coarse sweep"
     coarse = sweep(tuning, positions(tuning, tuning.start, COARSE_MM), step_s=options.search_step_s, progress=run.tell)
-    minima = local_minima(coarse.cost)[: options.starts]
+    minima = sweeps.local_minima(coarse.cost)[: options.starts]
     if not minima:
         raise FitError(f"the walks fail at every position: {coarse.failures[0]}")
     starts = [coarse.x[i] for i in minima]
@@ -211,7 +203,7 @@ def _judge(solution: TuningSolution, searched: TuningSearch, first: TuningSearch
                            step_s=options.step_s, energies_every=1, forces=True)
     if options.same_load:
         run.stage = "settings under one load"
-        solution.same_load = same_load_outcomes(tuning, solution.compared.fulcrum_mm, run.tell)
+        solution.same_load = sweeps.same_load_outcomes(tuning, solution.compared.fulcrum_mm, run.tell)
     for name in options.confirm:
         run.stage = f"confirming with {name.upper()}"
         solution.confirmed.append(search(tuning, first.start, solver=name, step_s=options.step_s, run=run))
@@ -221,8 +213,8 @@ def _judge(solution: TuningSolution, searched: TuningSearch, first: TuningSearch
     solution.worth = fulcrum_uncertainty(
         fine, at_mm, solution.draws, tuning.groups, size=size, unit=tuning.combination.unit,
         allowed_bw=options.consistency_bw, gain=(tuning.own_cost - best.cost) / size)
-    solution.tasks, solution.pareto = tasks(fine, tuning.tasks, at_mm), pareto(tuning, fine)
-    solution.robustness = other_optima(tuning, fine, solution.draws)
+    solution.tasks, solution.pareto = sweeps.tasks(fine, tuning.tasks, at_mm), sweeps.pareto(tuning, fine)
+    solution.robustness = sweeps.other_optima(tuning, fine, solution.draws)
     run.stage = "checks"
     solution.checks = _checks(solution, fine, best, first)
 

@@ -27,18 +27,10 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from vsf_drake.analysis.tuning.common import WEIGHTED, CommonOptions
+from vsf_drake.analysis.tuning.level1.costs import NEGATIVE_EFFICIENCY, POSITIVE_EFFICIENCY
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
-from vsf_drake.collocation.problem import (
-    METHODS,
-    Convex,
-    Curve,
-    Design,
-    Grid,
-    Layout,
-    Limits,
-    Residuals,
-    TrajectoryProblem,
-)
+from vsf_drake.collocation import problem as collocation
+from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
 from vsf_drake.collocation.solution import Start
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.schema import choice, quantity
@@ -46,7 +38,6 @@ from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel, Smoothing
 
 MM = 1e-3
-POSITIVE, NEGATIVE = 0.25, 1.2  # efficiencies of positive and negative muscle work (Margaria's), here of joints
 LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
           "push_off": "push-off work, negative", "tracking": "deviation from the recording",
           "deviation": "deviation from the recording"}
@@ -84,7 +75,7 @@ class StrideOptions(CommonOptions):
     iterations: int = quantity(200, unit="1", low=1, high=10000, source="choice")
     confirm: tuple[str, ...] = choice(("snopt", "ipopt"), options=("snopt", "ipopt"), source="choice")
     draws: int = quantity(3, unit="1", low=0, high=1000, source="choice")
-    method: str = choice("hermite_simpson", options=METHODS, source="choice")
+    method: str = choice("hermite_simpson", options=collocation.METHODS, source="choice")
     intervals: int = quantity(40, unit="1", low=10, high=400, source="choice")
     deviation_weight: float = quantity(0.5, unit="1", low=1e-4, high=1e3, source="choice")
     angle_deg: float = quantity(2.0, unit="deg", low=0.1, high=30.0, source="choice")
@@ -285,7 +276,7 @@ class Stride:
         return self._deviation(factor) + self._joint_load(factor * self.options.torque_weight / TYPICAL_LOAD)
 
     def problem(self, terms: Sequence[Term], fulcrum_mm: tuple[float, float], design: tuple[str, ...] = ()
-                ) -> TrajectoryProblem:
+                ) -> collocation.TrajectoryProblem:
         """The problem with the fulcrum within a range; equal ends fix it. design: of DESIGN, what else is free."""
         function, reference, options = self.function, self.reference, self.options
         layout, low, high = function.layout, OWN.copy(), OWN.copy()
@@ -296,18 +287,18 @@ class Stride:
         z_low, z_high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         z_low[3:8], z_high[3:8] = reference.q[:, 3:].min(0) - margin, reference.q[:, 3:].max(0) + margin
         torque = options.torque_nm_per_kg * self.model.subject.mass_kg
-        limits = [Limits(outputs=function.starting_with("torque_"), low=-torque, high=torque)]
+        limits = [collocation.Limits(outputs=function.starting_with("torque_"), low=-torque, high=torque)]
         for foot, swing in reference.clear.items():
-            limits.append(Limits(outputs=function.index(f"{foot}_sole"),
+            limits.append(collocation.Limits(outputs=function.index(f"{foot}_sole"),
                                  low=np.where(swing, options.clearance_m, -np.inf)[:, None]))
         advance = np.zeros(layout.n)
         advance[1] = self.recorded.advance_m
-        return TrajectoryProblem(
+        return collocation.TrajectoryProblem(
             function, layout, self.grid, outputs=len(function.names), equations=function.starting_with("balance_"),
             limits=limits, residuals=[part for part in terms if isinstance(part, Residuals)],
             convex=[part for part in terms if isinstance(part, Convex)],
-            design=Design(names=DESIGN, low=low, high=high, scale=np.array([0.02, 0.2, 0.02, 0.1])), advance=advance,
-            low=z_low, high=z_high, z_scale=_variable_scales(layout),
+            design=collocation.Design(names=DESIGN, low=low, high=high, scale=np.array([0.02, 0.2, 0.02, 0.1])),
+            advance=advance, low=z_low, high=z_high, z_scale=_variable_scales(layout),
             y_scale=_output_scales(function.names, self.model.weight, self.model.weight * self.leg_m))
 
     def start(self, fulcrum_mm: float) -> Start:
@@ -327,8 +318,9 @@ TYPICAL_LOAD = 0.05  # size of joint_load in walking, to which `torque_weight` r
 
 
 def _work(smooth_w: float) -> Curve:
-    """P+ / POSITIVE + P- / NEGATIVE."""
-    mean, difference = 0.5 * (1.0 / POSITIVE + 1.0 / NEGATIVE), 0.5 * (1.0 / POSITIVE - 1.0 / NEGATIVE)
+    """P+ and P- over their efficiencies."""
+    mean = 0.5 * (1.0 / POSITIVE_EFFICIENCY + 1.0 / NEGATIVE_EFFICIENCY)
+    difference = mean - 1.0 / NEGATIVE_EFFICIENCY
 
     def curve(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         root = np.sqrt(power**2 + smooth_w**2)
