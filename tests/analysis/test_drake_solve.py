@@ -33,18 +33,6 @@ def test_ctrl_c_that_nobody_noted_ends_the_search(solver):
                SimpleNamespace(interrupted=False))
 
 
-def test_what_a_cost_raises_is_raised():
-    with pytest.raises(RuntimeError, match="keel"):
-        solved(SnoptSolver(), program(raising(ValueError("keel"))), np.ones(2), SolverOptions(),
-               SimpleNamespace(interrupted=False))
-
-
-def test_the_least_square_is_found():
-    result = solved(SnoptSolver(), program(lambda x: (x[0] - 1.0)**2 + (x[1] + 2.0)**2), np.zeros(2), SolverOptions(),
-                    SimpleNamespace(interrupted=False))
-    np.testing.assert_allclose(result.get_x_val(), [1.0, -2.0], atol=1e-5)
-
-
 def test_a_file_of_ipopt_options_in_the_current_folder_is_not_read(monkeypatch, tmp_path):
     """It could name a library to load and a file to write over."""
     (tmp_path / "ipopt.opt").write_text("max_iter 1\nprint_level 5\noutput_file victim.txt\n", encoding="utf-8")

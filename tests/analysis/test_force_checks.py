@@ -69,14 +69,6 @@ def test_foot_flat_is_found_where_the_foot_is_flat_or_in_mid_stance_where_it_nev
     assert instants[-1] <= STANCE.start_s + 0.45 * STANCE.duration_s + 1e-9
 
 
-def test_cut_stance_is_laid_out_as_long_as_others_are_and_without_these_left_out():
-    cut = Stance(0.6, 1.2, start_seen=False)
-    assert flat_phase(made_foot(), cut) is None
-    assert flat_phase(made_foot(), cut, usual_s=STANCE.duration_s).tolist() == flat(made_foot()).tolist()
-    late = Stance(-0.7, 0.1, start_seen=False)
-    assert flat_phase(made_foot(), late, usual_s=0.8) is None  # its middle is before the record
-
-
 def test_foot_that_turns_with_its_shank_is_known_where_the_record_starts_in_stance():
     """The record begins 0.03 s after touch-down: mid-stance is there, and so is how the foot turned."""
     still, turning = made_foot(), made_foot()
@@ -97,12 +89,6 @@ def test_slip_is_marked_by_what_it_costs(speed, mark):
     check = slip(foot, flat(foot))
     assert check.mark == mark and check.cost_bw == pytest.approx(0.6 * speed, rel=0.02)
     assert check.value == pytest.approx(speed, abs=1e-3) and f"{speed:.3f} m/s" in check.sentence
-
-
-@pytest.mark.parametrize(("speed", "excess"), [(-0.05, 0.0), (-0.1, 0.02), (0.05, 0.08)])
-def test_foot_that_hangs_rigid_under_its_shank_may_seem_to_slip_as_far_as_socket_and_keel_explain(speed, excess):
-    foot = made_foot(slide_m_per_s=speed, undeformed=True)
-    assert slip(foot, flat(foot)).cost_bw == pytest.approx(0.6 * excess, abs=1e-3)
 
 
 def test_rolling_wheel_does_not_slip_where_it_touches():

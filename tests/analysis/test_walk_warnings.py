@@ -39,11 +39,6 @@ def test_walking_backward_is_suspected():
     assert any("wrong way round" in sentence for sentence in warned(dataclasses.replace(walk, q=q), make_plate()))
 
 
-def test_what_no_whole_stance_shows_is_not_doubted():
-    for walk, plate in ((make_walk(), make_plate(stances=())), (make_walk(start_s=0.85, end_s=1.5), make_plate())):
-        assert not [sentence for sentence in warned(walk, plate) if "mass_kg" in sentence or "nan" in sentence]
-
-
 def test_foot_that_brushes_the_ground_in_swing_is_told_with_time_and_load_but_for_a_touch():
     """A contact of 30 ms ahead of the stance, of 8 % or 4 % of the body's weight."""
     walk = make_walk()

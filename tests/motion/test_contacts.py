@@ -10,14 +10,11 @@ from made_steps import (
     FORCE_TIME,
     HALF_WIDTH_M,
     STANCE_S,
-    TIME,
     assign,
     everywhere,
-    feet,
     load,
     moved,
     plate,
-    recording,
     rectangle,
     sides,
     step_load,
@@ -25,7 +22,6 @@ from made_steps import (
 )
 
 from vsf_drake.errors import InputError
-from vsf_drake.motion.contacts import assign_plates
 from vsf_drake.motion.events import find_stances
 
 
@@ -58,17 +54,6 @@ def test_foot_that_lands_on_the_plate_of_the_other_makes_it_unusable():
     result = assign(plate("1", step_load("right", 0), load(start, (x, y), newton=400.0), corners=corners),
                     plate("R1", step_load("right", 1)))
     assert all(c.side is None for c in result.contacts if c.plate == "1")
-
-
-def test_load_ahead_of_a_short_toe_is_not_shared_with_a_foot_beside_the_plate():
-    """A toe marker on the metatarsals ends the foot's line early; the plates' corners tell who stands on them."""
-    tracks, pelvis = feet()
-    short = {side: dataclasses.replace(t, toe_W=t.heel_W + 0.6 * (t.toe_W - t.heel_W)) for side, t in tracks.items()}
-    under = {name: dataclasses.replace(p, corners_m=rectangle((x - 0.1, x + 0.35), (y - 0.15, y + 0.15)))
-             for p, name, x, y in ((p, p.name, np.nanmean(p.cop_m[:, 0]) - 0.5 * 0.25, np.nanmean(p.cop_m[:, 1]))
-                                   for p in everywhere())}
-    result = assign_plates(recording(*under.values()), TIME, short, pelvis)
-    assert sides(result) == [("R0", "right"), ("L0", "left"), ("R1", "right"), ("L1", "left")]
 
 
 def test_foot_that_stands_on_the_plate_too_shares_it_unless_a_plate_of_its_own_carries_it():
@@ -144,14 +129,6 @@ def test_plates_that_lie_elsewhere_are_refused(change):
     with pytest.raises(InputError, match=r"plate \w+: the centre of pressure is [\d.]+ m from the nearest foot.*"
                                          r"corners, the unit.*--up.*--forward"):
         assign(*(moved(p, **change) for p in everywhere()))
-
-
-def test_plate_turned_in_its_place_is_doubted():
-    right = everywhere()[0]
-    middle = np.nanmean(right.cop_m, axis=0)[:2]
-    turned = moved(moved(right, shift=-middle), rotate=np.pi, shift=middle)
-    (contact, *_) = assign(*everywhere(R0=turned)).contacts
-    assert contact.side == "right" and "from toe to heel" in contact.warning
 
 
 def test_force_down_or_sideways_is_refused():

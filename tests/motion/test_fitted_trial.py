@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_contact import CURVE, OF_THE_MODEL, OWN, made_contact
 
-from vsf_drake.contact_file import FittedSubject, load_contact, model_with, save_contact
+from vsf_drake.contact_file import FittedSubject, model_with
 from vsf_drake.errors import InputError
-from vsf_drake.files import sha256
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.fitted_trial import fingerprint, gait_phase, trial_with
 from vsf_drake.motion.manifest import GeometricOffsets
@@ -66,17 +65,6 @@ def test_height_and_path_go_to_the_recording_that_they_were_fitted_to_and_to_no_
     assert elsewhere.offsets.height_m == pytest.approx(4e-3)
     assert not added(elsewhere, other, "pelvis_tx").any()
     assert "height" not in elsewhere.notes[-1]
-
-
-def test_a_note_and_the_inputs_say_which_file_was_applied(trial, tmp_path):
-    path = tmp_path / "contact.yaml"
-    save_contact(contact_for(), path)
-    fitted = trial_with(trial, load_contact(path), file=path)
-    assert fitted.notes[:-1] == trial.notes
-    assert "contact.yaml (strategy joint)" in fitted.notes[-1] and "knee_angle_r" in fitted.notes[-1]
-    assert fitted.inputs == trial.inputs | {"contact: contact.yaml": sha256(path)}
-    failed = trial_with(trial, contact_for(converged=False))
-    assert "DID NOT CONVERGE" in failed.notes[-1]
 
 
 @pytest.mark.parametrize(("change", "words"), [
@@ -171,10 +159,3 @@ def test_periodic_splines_share_one_and_repeat_every_cycle(count):
     np.testing.assert_allclose(basis.sum(axis=1), 1.0, atol=1e-13)
     np.testing.assert_allclose(periodic_bsplines(count)(phase + 3.0), basis, atol=1e-12)
     assert np.linalg.matrix_rank(basis) == count
-
-
-def test_periodic_splines_are_twice_continuously_differentiable_also_where_a_cycle_ends():
-    knots = np.arange(-1, SPLINES + 1) / SPLINES
-    for j in range(SPLINES):
-        jumps = derivatives_jump(lambda phase, j=j: periodic_bsplines(SPLINES)(phase)[:, j], knots)
-        assert jumps[0] < 1e-9 and jumps[1] < 1e-6 and jumps[2] < 1e-3

@@ -64,17 +64,6 @@ def test_opensim_paths_are_coordinates_and_speeds_are_not(trial_files):
     assert "column hip_flexion_r: the coordinate stands twice" in message(lambda: read(trial_files))
 
 
-def test_missing_optional_coordinates_are_zero_and_noted_and_the_subtalar_angle_is_ankle_adduction(trial_files):
-    trial_files.columns["hip_adduction_r"] = 5 * np.sin(trial_files.time)
-    trial_files.columns["subtalar_angle_l"] = 3 * np.sin(trial_files.time)
-    trajectory, notes = read(trial_files)
-    assert not trajectory.values[:, trajectory.names.index("hip_rotation_r")].any()
-    (note,) = [n for n in notes if "taken as zero" in n]
-    assert "hip_rotation_r" in note and "hip_adduction_r" not in note and "ankle_adduction_l" not in note
-    np.testing.assert_allclose(trajectory.values[:, trajectory.names.index("ankle_adduction_l")],
-                               np.radians(trial_files.columns["subtalar_angle_l"]), atol=1e-9)
-
-
 def test_negative_knee_flexion_is_turned_and_noted_and_knees_of_opposite_sign_are_refused(trial_files):
     knees = ("knee_angle_r", "knee_angle_l")
     positive, quiet = read(trial_files)

@@ -54,14 +54,6 @@ def test_constructed_walk(trial_files):
     assert not any("treadmill" in n for n in trial.notes)
 
 
-def test_only_the_prosthetic_foot_needs_a_plate(trial_files):
-    trial_files.forces = {n: v for n, v in trial_files.forces.items() if "_r_" in n}
-    trial = load_trial(trial_files.write())
-    assert set(trial.plates) == {"right"} and any("no force plate for the left foot" in n for n in trial.notes)
-    trial_files.subject["prosthetic_side"] = "left"
-    assert "forces.left: there is no force for the left (prosthetic) foot" in message(trial_files)
-
-
 def test_window_of_the_manifest_is_cut_to_kinematics_and_forces(trial_files):
     trial_files.manifest["window"] = {"start_s": 0.5, "end_s": 5.0}
     rows = trial_files.force_time <= 1.5
@@ -202,13 +194,6 @@ def test_steps_beside_the_plates_are_left_out_of_the_window():
     assert (intact.start_s, intact.end_s) == (0.0, pytest.approx(2.99)) and intact.unmeasured["left"]
     with pytest.raises(InputError, match=r"forces: no plate carries the right \(prosthetic\) foot alone"):
         make(walked=walk(missed=[("right", i) for i in range(3)]))
-
-
-def test_force_in_another_unit_is_refused():
-    big = walk()
-    big = dataclasses.replace(big, plates=tuple(dataclasses.replace(p, force_n=9.81 * p.force_n) for p in big.plates))
-    with pytest.raises(InputError, match="times the body weight of 78 kg"):
-        make(walked=big)
 
 
 @BOTH

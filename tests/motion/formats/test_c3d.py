@@ -64,14 +64,6 @@ def test_a_missing_or_ambiguous_unit_is_asked_for(tmp_path):
         assert f"POINT:UNITS: the unit '{unit}' is unknown" in message(lambda other=other: read_trial(other))
 
 
-@pytest.mark.parametrize(("unit", "length"), [("m", 1e-3), ("mm", 1.0)])
-def test_a_body_of_1700_m_or_of_2_mm_is_in_another_unit(tmp_path, unit, length):
-    path = write_c3d(tmp_path / "walk.c3d", body(), unit=unit, length=length)
-    refusal = message(lambda: read_trial(path))
-    assert "which no person does" in refusal and "length_unit" in refusal
-    read_trial(path, length_unit={1e-3: "mm", 1.0: "m"}[length])
-
-
 def test_a_marker_that_was_not_seen_is_a_gap_and_time_runs_from_the_trials_first_frame(tmp_path):
     markers = body()
     markers["M3"][10:20] = np.nan
@@ -112,16 +104,6 @@ def with_parameters(path, group, **values):
             c3d.add_parameter(group, name, value)
     c3d.write(str(path))
     return path
-
-
-@pytest.mark.parametrize(("mass", "height", "stated"), [
-    (71.5, 1760.0, {"mass_kg": 71.5, "stature_m": 1.76}), (71.5, 176.0, {"mass_kg": 71.5, "stature_m": 1.76}),
-    (0.0, 1.76, {"stature_m": 1.76}), (7150.0, 17.0, {})])
-def test_mass_and_stature_that_the_file_states_are_read_where_somebody_has_them(tmp_path, mass, height, stated):
-    path = with_parameters(write_c3d(tmp_path / "walk.c3d", body()), "PROCESSING", Bodymass=[mass], Height=[height])
-    read = read_trial(path)
-    assert dict(read.person) == pytest.approx(stated, rel=1e-6)
-    assert sum("nobody's" in note for note in read.notes) == (2 if mass == 7150.0 else 0)
 
 
 def test_a_truncated_file_is_refused(tmp_path):

@@ -45,12 +45,6 @@ def opensim_names(prefix="ground_force_r", torque="ground_torque_r_"):
     return [f"{prefix}_{k}{a}" for k in "vp" for a in "xyz"] + [f"{torque}{a}" for a in "xyz"]
 
 
-def test_moment_may_be_taken_anywhere(tmp_path):
-    """About the laboratory's origin: the same force, centre of pressure and free moment."""
-    about = np.cross(COP, FORCE) + TWIST[:, None] * UP
-    check(read_trial(mot(tmp_path / "grf.mot", opensim_names(), FORCE, 0 * COP, about)))
-
-
 @pytest.mark.parametrize("unit", ["m", "mm"])
 def test_tables_of_opensims_c3d_adapter(tmp_path, unit):
     """z up, in the C3D file's unit; the moment is that about the stated point, here a plate's corner."""
@@ -125,12 +119,6 @@ def test_millimetres_said_to_be_metres_are_refused_with_the_remedy(tmp_path):
     path = mot(tmp_path / "grf.mot", opensim_names(), FORCE, 1e3 * COP, 1e3 * TWIST[:, None] * UP)
     assert "plate ground_force_r: a centre of pressure" in message(lambda: read_trial(path))
     check(read_trial(path, length_unit="mm"))
-
-
-def test_force_along_another_axis_than_up_is_refused(tmp_path):
-    path = mot(tmp_path / "grf.mot", opensim_names(), in_world(FORCE), in_world(COP), TWIST[:, None] * [0, 0, 1])
-    assert "mainly along the laboratory's z" in message(lambda: read_trial(path))
-    check(read_trial(path, up="z"))
 
 
 def forces_text(count=COUNT, stated=None):
