@@ -6,7 +6,7 @@ import pytest
 from vsf_drake.errors import InputError
 from vsf_drake.motion.formats.recording import os_to_world
 from vsf_drake.motion.formats.tables import read_storage, write_storage
-from vsf_drake.motion.opensim import assign_prefixes, find_prefixes, read_kinematics, read_plate
+from vsf_drake.motion.opensim import assign_prefixes, read_kinematics, read_plate
 from vsf_drake.parameters import person_coordinates
 
 SIMM = "walk\nnRows={rows}\nnColumns={columns}\n\n# SIMM Motion File Header:\nname walk\ndatacolumns {columns}\n" \
@@ -180,7 +180,6 @@ def both(tmp_path, right, left):
 
 def test_names_that_do_not_tell_the_side_list_what_to_write(tmp_path):
     storage = both(tmp_path, "ground_force", "1_ground_force")
-    assert find_prefixes(storage) == ("ground_force", "1_ground_force")
     text = message(lambda: assign_prefixes(storage, None))
     assert "prefixes found: ground_force, 1_ground_force" in text
     assert "`forces: {file: grf.mot, right: PREFIX, left: PREFIX}`" in text

@@ -58,7 +58,7 @@ def import_trials(
 ) -> None:
     """Turns recordings of a person with markers over force plates into trials that drive the model."""
     if list_markers is not None:
-        _list_markers(list_markers, up=up, forward=forward, length_unit=length_unit)
+        _list_markers(list_markers)
         return
     from vsf_drake.analysis.import_walks import ImportOptions, gather, import_walks
     from vsf_drake.motion.manifest import Window, load_stated_subject
@@ -133,17 +133,12 @@ def _finish(kind: str, items: Sequence[Examined], failures: Mapping[str, str], o
         sys.exit(InputError.exit_code)
 
 
-def _list_markers(file: Path, **axes: str | None) -> None:
+def _list_markers(file: Path) -> None:
     """Labels and a started marker map, as YAML whose comments list the labels."""
-    from vsf_drake.motion.formats.read import list_labels, read_trial
+    from vsf_drake.motion.formats.read import list_labels
     from vsf_drake.motion.markers.maps import suggest_map
 
-    labels, recording = list_labels(file), None
+    labels = list_labels(file)
     if not labels:
         raise InputError("has no markers", file=file)
-    lines = [f"# {' '.join(file.name.split())}"]
-    try:
-        recording = read_trial(file, **axes)
-    except InputError as error:
-        lines.append(f"# Where the markers lie was not looked at: {' '.join(str(error).split())}")
-    typer.echo("\n".join(lines) + "\n" + suggest_map(labels, recording), nl=False)
+    typer.echo(f"# {' '.join(file.name.split())}\n{suggest_map(labels)}", nl=False)

@@ -148,18 +148,12 @@ NOBODY_N = 1e6  # N, in any direction: beyond any person, and below where square
 _WORDS = {"right": r"(^|_)(r|right)(_|$)", "left": r"(^|_)(l|left)(_|$)"}
 
 
-def find_prefixes(storage: Storage) -> tuple[str, ...]:
-    """The force prefixes of a table: each `p` for which `p_vx`, `p_vy` and `p_vz` are columns."""
-    names = set(storage.names)
-    return tuple(n[:-3] for n in storage.names if n.endswith("_vy") and {n[:-2] + "vx", n[:-2] + "vz"} <= names)
-
-
 def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> dict[str, str]:
     """Which prefix is which foot: as `stated` by side (None for a side without a plate), else as the names tell.
 
     Refused, with the prefixes found and the mapping to write, where neither tells.
     """
-    prefixes = find_prefixes(storage)
+    prefixes = [n[:-3] for n in storage.names if n.endswith("_vy") and {n[:-1] + "x", n[:-1] + "z"} <= {*storage.names}]
     listed = ", ".join(prefixes) or "none"
     if stated is not None:
         chosen = {side: prefix for side in SIDES if (prefix := stated.get(side)) is not None}

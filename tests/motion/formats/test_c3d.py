@@ -7,7 +7,6 @@ from made_c3d import MadePlate, rectangle, write_c3d
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
-from vsf_drake.motion.formats.read import list_labels
 
 FRAMES, RATE, SAMPLES = 100, 100.0, 1000
 
@@ -72,10 +71,7 @@ def test_a_marker_that_was_not_seen_is_a_gap_and_time_runs_from_the_trials_first
     assert read.marker_start_s == pytest.approx(0.5) and read.marker_time_s[-1] == pytest.approx(1.49)
 
 
-def test_a_subjects_prefix_is_taken_away_and_points_without_a_label_are_no_markers(tmp_path):
-    path = write_c3d(tmp_path / "walk.c3d", {f"Jürgen:{k}": v for k, v in body().items()})
-    assert list_labels(path)[:2] == ["M0", "M1"]
-    assert any("Jürgen" in note for note in read_trial(path).notes)
+def test_points_without_a_label_are_no_markers(tmp_path):
     nameless = write_c3d(tmp_path / "b.c3d", {f"*{k}": place for k, place in enumerate(body().values())})
     assert "neither labelled markers nor force plates" in message(lambda: read_trial(nameless))
 

@@ -8,7 +8,6 @@ from tempfile import TemporaryDirectory
 import made_person
 import numpy as np
 import pytest
-from virtual_laboratory.trc import write_trc
 
 from vsf_drake.errors import InputError
 from vsf_drake.motion import read_trial
@@ -86,49 +85,9 @@ def test_a_started_map_guesses_from_words_and_says_so():
         assert f"#   {label}" in text
 
 
-def ambiguous(heading, mirrored):
-    """A person whose labels say the joint but not the place on it, the wrong one first; and what is right."""
-    person = made_person.Person()
-    turn = np.array([[np.cos(heading), -np.sin(heading), 0], [np.sin(heading), np.cos(heading), 0], [0, 0, 1]])
-    where = made_person.poses({"hip_rotation_r": -0.2, "hip_rotation_l": -0.1}, person)
-    markers, truth = {}, {}
-    for side, letter, out in (("right", "R", -1.0), ("left", "L", 1.0)):
-        points = person.points(side)
-        heel = points["heel"][1]
-        extra = {f"Heel_{k}": heel + np.array(off) for k, off in enumerate(
-            ((0.02, out * 0.027, 0.0), (0, 0, 0), (0.03, -out * 0.02, 0.02), (0.005, 0.0, 0.04)), start=1)}
-        named = {"Knee_1": "knee_medial", "Knee_2": "knee_lateral", "Ankle_Lat": "ankle_medial",
-                 "Ankle_Med": "ankle_lateral", "MT1": "met5", "MT5": "met1", "Toe_1": "met1", "Toe_2": "toe_tip",
-                 "ASIS": "asis", "PSIS": "psis"}
-        for label, (segment, place) in ({k: (f"foot_{side}", p) for k, p in extra.items()}
-                                        | {k: points[role] for k, role in named.items()}).items():
-            R, p = where[segment]
-            turned = (p + R @ place) @ turn.T * [1, -1 if mirrored else 1, 1]
-            markers[f"{letter}_{label}"] = np.repeat(turned, 20, axis=0)
-        truth |= {f"{role}_{side}": f"{letter}_{label}" for role, label in {
-            "heel": "Heel_2", "knee_lateral": "Knee_2", "knee_medial": "Knee_1", "ankle_lateral": "Ankle_Med",
-            "ankle_medial": "Ankle_Lat", "met1": "MT5", "met5": "MT1", "toe_tip": "Toe_2"}.items()}
-    return made_person.recording_of(markers), truth
-
-
-@pytest.mark.parametrize(("heading", "mirrored"), [(0.0, False), (2.5, True)])
-def test_a_started_map_chooses_among_like_labels_by_where_they_lie(heading, mirrored):
-    """The lateral heel marker, first in the file, would put the heel 27 mm aside and turn the foot by 9 degrees."""
-    recording, truth = ambiguous(heading, mirrored)
-    text = suggest_map(recording.markers, recording)
-    labelled = read_map(text)
-    assert {role: labelled.roles[role][0] for role in truth} == truth
-    assert "heel: R_Heel_2  # guess by its place in this recording; or R_Heel_4, " in text
-    assert "#   R_Heel_1  (guess: right heel)" in text
-    blind = suggest_map(recording.markers)
-    assert "heel: R_Heel_1  # guess by the file's order; or R_Heel_2, " in blind
-
-
-def test_the_command_looks_at_where_the_markers_lie_or_says_why_not(run, tmp_path):
-    recording, _ = ambiguous(0.0, False)
-    write_trc(tmp_path / "static.trc", recording)
-    _, shown, _ = run("import", "--list-markers", tmp_path / "static.trc")
-    assert "heel: R_Heel_2  # guess by its place in this recording" in shown
-    _, shown, _ = run("import", "--list-markers", tmp_path / "static.trc", "--up", "x")
-    assert "heel: R_Heel_1  # guess by the file's order" in shown
-    assert "# Where the markers lie was not looked at: " in shown
+def test_the_command_starts_a_map_from_a_files_labels(run, shared_data, tmp_path):
+    code, shown, _ = run("import", "--list-markers", shared_data / "bmc_gait" / "walk1.trc")
+    assert code == 0 and read_map(shown).roles["asis_right"] == ("R.ASIS",)
+    (tmp_path / "a.csv").write_text("time,x\n")
+    code, _, err = run("import", "--list-markers", tmp_path / "a.csv")
+    assert code == 2 and "is no marker file" in err

@@ -161,7 +161,8 @@ def _forces(trial: Trial, motion: CoordinateTrajectory, measured: Mapping[str, l
     time = np.arange(start, end, GRID_S)
     if len(time) < 3:
         raise ValueError(f"forces and motion of {trial.name} do not overlap")
-    vertical = force_checks.total_vertical(time, trial.plates)
+    vertical = sum((np.interp(time, plate.time_s, plate.force_W[:, 2]) for plate in trial.plates.values()),
+                   start=np.zeros(len(time)))
     known = force_checks.covered(time, trial.plates, measured, moving)
     known &= (time >= motion.start_s + EDGE_S) & (time <= motion.end_s - EDGE_S)
     for start, end in (span for spans in trial.unmeasured.values() for span in spans):

@@ -58,12 +58,6 @@ def covered(time_s: np.ndarray, plates: Mapping[str, PlateRecording], measured: 
     return known
 
 
-def total_vertical(time_s: np.ndarray, plates: Mapping[str, PlateRecording]) -> np.ndarray:
-    """(n,) N on all feet at `time_s`."""
-    return sum((np.interp(time_s, plate.time_s, plate.force_W[:, 2]) for plate in plates.values()),
-               start=np.zeros(len(time_s)))
-
-
 def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, known: np.ndarray, *,
          mass_kg: float, feet: int) -> Check:
     """The mass that the plates felt, against the subject's: impulse = m (g T + change of vertical velocity).
@@ -96,20 +90,15 @@ def lag(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s2: np.ndarray, kno
     steps = round(LARGEST_LAG_S * rate)
     shifts = np.arange(-steps, steps + 1)
     inside = [(rows - shift >= 0) & (rows - shift < len(motion)) for shift in shifts]
-    values = np.array([_correlation(force[rows[i]], motion[rows[i] - shift]) if i.mean() > MOST_OF_IT else -1.0
-                       for i, shift in zip(inside, shifts, strict=True)])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        values = np.nan_to_num([np.corrcoef(force[rows[i]], motion[rows[i] - shift])[0, 1] if i.mean() > MOST_OF_IT
+                                else -1.0 for i, shift in zip(inside, shifts, strict=True)], nan=-1.0)
     best = int(np.argmax(values))
     if values[best] < BELIEVABLE_R or best in (0, len(shifts) - 1):
         return None
     value = float(shifts[best] / rate)
     return checked("lag", "lag of the forces", grade(value, *LAG_S), value, "s", touch_downs=0,
                    correlation=values[best], cost_bw=FITTED_LAG_BW_PER_S * abs(value) * (abs(value) > TOLD_S))
-
-
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    a, b = a - a.mean(), b - b.mean()
-    size = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
-    return float(np.sum(a * b)) / size if size > 0.0 else -1.0
 
 
 def event_lag(measured: Mapping[str, Sequence[Stance]], moving: Mapping[str, Sequence[Stance]]) -> Check | None:

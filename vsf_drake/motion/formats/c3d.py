@@ -80,9 +80,7 @@ def _labels(c3d: _C3d, notes: list[str]) -> tuple[list[str], list[int]]:
     left_out = [label for label in labels if label in computed and label]
     notes += say("files", "points", file=c3d.path.name, computed=left_out,
                  nameless=c3d.points - len(kept) - len(left_out))
-    short, more = units.without_prefix([labels[i] for i in kept])
-    notes += more
-    return short, kept
+    return [labels[i] for i in kept], kept
 
 
 def _person(c3d: _C3d, notes: list[str]) -> dict[str, float]:

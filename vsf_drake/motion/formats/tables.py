@@ -27,12 +27,13 @@ from vsf_drake.files import replaced
 from vsf_drake.motion.events import THRESHOLD_N
 from vsf_drake.motion.formats import units as si
 from vsf_drake.motion.formats.recording import LARGEST, Plate, RawTrial, world_to_os
-from vsf_drake.motion.formats.units import even_rate, file_length_factor, first_of_each, without_prefix
+from vsf_drake.motion.formats.units import even_rate, file_length_factor, first_of_each
 from vsf_drake.sentences import say
 from vsf_drake.text_table import as_label, split_row, table_rows, text_lines
 
 MOST_MARKERS = 20_000
 _HEADER_LINES = 50  # lines that may stand above the labels of a CSV or Cortex file
+_AXES = re.compile(r"[xX]\S*(\s+[xyzXYZ]\S*)*")  # the line of X1 Y1 Z1 ... below the labels of a TRC file
 _UNIT = re.compile(r"^(.*?)\s*[(\[]([^)\]]*)[)\]]$")
 _FACTORS = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3}
 
@@ -290,12 +291,12 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
     """A TRC file in its laboratory frame (by convention y up), metres, NaN where a marker was not seen."""
     lines = text_lines(path)
     header, labels, label_line = _trc_header(lines, path)
-    labels, notes = without_prefix(labels)
+    notes: list[str] = []
     frames, stated = (_stated(header, key) for key in ("numframes", "datarate"))
     factor = file_length_factor(header.get("units", ""), length_unit, path, "line 3, Units")
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in labels for axis in "XYZ")]
     table, places, cut = table_rows(
-        (pair for pair in lines if not _is_axes_line(pair[1])), columns, path, split_row, cut_by=3,
+        (pair for pair in lines if not _AXES.fullmatch(pair[1].strip())), columns, path, split_row, cut_by=3,
         needs=f"; Frame#, Time and {len(labels)} markers need {len(columns)}",
         surplus="Is there a label for every marker?")
     if cut and cut == len(table):
@@ -322,7 +323,7 @@ def read_trc(path: Path, *, length_unit: str | None = None) -> RawTrial:
 
 def trc_labels(path: Path) -> list[str]:
     """The labels of a TRC file, in its order."""
-    return without_prefix(_trc_header(text_lines(path), path)[1])[0]
+    return _trc_header(text_lines(path), path)[1]
 
 
 def _trc_header(lines: Iterator[tuple[int, str]], path: Path) -> tuple[dict[str, str], list[str], int]:
@@ -354,5 +355,3 @@ def _stated(header: dict[str, str], key: str) -> float | None:
     return value if math.isfinite(value) and value > 0.0 else None
 
 
-def _is_axes_line(line: str) -> bool:
-    return line.lstrip()[:1] in ("x", "X") and all(cell[0] in "xyzXYZ" for cell in line.split())

@@ -24,16 +24,6 @@ def listed(labels: Sequence[str], *, most: int = 20) -> str:
     return f"{', '.join(labels[:most])} and {len(labels) - most} more"
 
 
-def without_prefix(labels: list[str]) -> tuple[list[str], list[str]]:
-    """The labels without the one subject name ("Anna:LASI") that they share, and a note where there was one."""
-    prefixes = {label.partition(":")[0] for label in labels if ":" in label}
-    prefix = f"{prefixes.pop()}:" if len(prefixes) == 1 else ""
-    short = [label.removeprefix(prefix) for label in labels]
-    if not prefix or not all(label.strip() for label in short) or len(set(short)) != len(set(labels)):
-        return labels, []
-    return short, say("files", "prefix", prefix=prefix)
-
-
 def first_of_each(labels: Sequence[str], notes: list[str], empty: Callable[[int], bool], *,
                   what: str = "label") -> list[int]:
     """Which of the labels to read, each once: the first that is not `empty`; `notes` gets what was left out."""

@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import warnings
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource, user_path
@@ -189,15 +187,6 @@ WORDS = {role: tuple(words.split()) for role, words in {
 }.items()}
 """What laboratories write, without the side and without punctuation; the longest that a label starts with counts."""
 SHORT = 3  # after a form of so few letters only a number may follow: RSH1 is a shank, RSHO a shoulder
-WIDE_M = 0.03  # the inner and the outer marker of a joint lie farther apart (a choice; ankles are 50 mm wide or more)
-_ACROSS = (("knee_medial", "knee_lateral"), ("ankle_medial", "ankle_lateral"), ("met1", "met5"))
-_PLACES = {role: np.array(weights) for role, weights in {
-    "asis": (1, 0, 0, 0), "psis": (-1, 0, 0, 0), "trochanter": (0, 1, 0, 0), "knee_lateral": (0, 1, 0, 0),
-    "knee_medial": (0, -1, 0, 0), "ankle_lateral": (0, 1, 0, 0), "ankle_medial": (0, -1, 0, 0),
-    "heel": (-1, 0, -0.5, 1), "toe": (0, 0, 0, 1), "toe_tip": (1, 0, 0, 0), "met1": (0, -1, 0, 0),
-    "met5": (0, 1, 0, 0)}.items()}
-"""What tells the marker of a role from others that are called alike: how far it lies ahead, outward, up and near the
-foot's midline (weights, a choice). The heel's is the rearmost, low and near the midline."""
 
 
 def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
@@ -227,11 +216,11 @@ def choose_map(recording: Recording) -> tuple[MarkerMap, list[str]]:
     return best[0][0], say("markers", "chosen_map", name=best[0][0].name, known=most, labels=len(recording.markers))
 
 
-def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> str:
+def suggest_map(labels: Iterable[str]) -> str:
     """YAML text of a marker map for these labels, to be looked over; comments list the labels.
 
-    Labels that a shipped map knows are taken from there, others by what they look like, marked as guesses; among
-    several for one role, and the two sides of a joint, their places in `recording` decide, else the file's order.
+    Labels that a shipped map knows are taken from there, others by what they look like, marked as guesses; of several
+    for one role the first stands. Roles without a label stand in comments, labels without a role at the end.
     """
     labels = list(dict.fromkeys(label.rsplit(":", 1)[-1] for label in labels))
     maps = [(marker_map, marker_map.translate(labels)) for marker_map in map(load_marker_map, SHIPPED)]
@@ -240,92 +229,39 @@ def suggest_map(labels: Iterable[str], recording: Recording | None = None) -> st
     known = {label: _block(owner[bare]) for label, bare in spelled.items() if bare in owner}
     guessed = {label: place for label in labels if label not in known and not label.upper().endswith(VIRTUAL)
                and (place := _guess(label)) is not None}
-    legs = _legs(recording, guessed | known)
-    for side, leg in legs.items():
-        for inner, outer in _ACROSS:
-            _by_side(guessed, set(known.values()), leg, (side, inner), (side, outer))
     text = [f"# {len(labels)} labels:"]
     text += [f"#   {label}" + (f"  (guess: {' '.join(guessed[label]).replace('_', ' ')})" if label in guessed else "")
              for label in labels]
     text += ["", "# Started from a recording's own labels: look over every line, above all those marked as guesses.",
-            "description: markers of our laboratory", "prefix: any"]
+             "description: markers of our laboratory", "prefix: any"]
     for block in (*SIDES, "middle"):
         text.append(f"{block}:")
         for role in ROLES.get(block, ROLES["side"]):
             sure = [label for label in labels if known.get(label) == (block, role)]
             maybe = [label for label in labels if guessed.get(label) == (block, role)]
-            placed = role in _PLACES and block in legs
-            for several in (sure, maybe) if placed else ():
-                several.sort(key=lambda label: -_score(legs[block], role, label))
-            text.append(_line(role, sure, maybe, placed=placed))
+            text.append(_line(role, sure, maybe))
     unused = [label for label in labels if label not in known and label not in guessed]
     if unused:
         text += ["# Labels without a role:", *(f"#   {label}" for label in unused)]
     return "\n".join(text) + "\n"
 
 
-def _score(leg: dict[str, np.ndarray], role: str, label: str) -> float:
-    return float(_PLACES[role] @ [*leg[label], -abs(leg[label][1])]) if label in leg else -np.inf
-
-
-def _legs(recording: Recording | None, roles: Mapping[str, tuple[str, str]]) -> dict[str, dict[str, np.ndarray]]:
-    """By side, where labels lie (m) from its heel: ahead along the foot, outward, up; a side without a foot is missing.
-    """
-    if recording is None or not recording.markers:
-        return {}
-    labels = [label.rsplit(":", 1)[-1] for label in recording.markers]
-    paths = np.stack(list(recording.markers.values()), axis=1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        middle = np.nanmedian(paths - np.nanmean(paths, axis=1, keepdims=True), axis=0)
-    places = {label: place for label, place in zip(labels, middle, strict=True) if np.isfinite(place).all()}
-
-    def mean(side: str, *wanted: str) -> np.ndarray:
-        seen = [place for label, place in places.items() if label in roles and roles[label][0] == side
-                 and (not wanted or roles[label][1] in wanted)]
-        return np.mean(seen, axis=0) if seen else np.full(3, np.nan)
-
-    legs = {}
-    for side, other in (SIDES, SIDES[::-1]):
-        heel, away = mean(side, "heel"), mean(side) - mean(other)
-        ahead = (mean(side, "toe", "toe_tip", "met1", "met5") - heel) * [1.0, 1.0, 0.0]
-        outward = np.cross(ahead, [0.0, 0.0, 1.0]) * np.sign(np.cross(ahead, [0.0, 0.0, 1.0]) @ away)
-        if np.linalg.norm(ahead) > WIDE_M and outward.any() and np.isfinite(outward).all():
-            axes = np.array([ahead, outward, [0.0, 0.0, np.linalg.norm(ahead)]]) / np.linalg.norm(ahead)
-            legs[side] = {label: axes @ (place - heel) for label, place in places.items()}
-    return legs
-
-
-def _by_side(guessed: dict[str, tuple[str, str]], known: set[tuple[str, str]], leg: dict[str, np.ndarray],
-             inner: tuple[str, str], outer: tuple[str, str]) -> None:
-    pool = {label: leg[label][1] for label, place in guessed.items() if place in (inner, outer) and label in leg}
-    numbered = inner[1] == "met1" and {inner, outer} - set(guessed.values())
-    if known & {inner, outer} or numbered or not pool or max(pool.values()) - min(pool.values()) < WIDE_M:
-        return
-    middle = 0.5 * (max(pool.values()) + min(pool.values()))
-    guessed |= {label: outer if out > middle else inner for label, out in pool.items()}
-
-
-def _line(role: str, sure: list[str], maybe: list[str], *, placed: bool) -> str:
+def _line(role: str, sure: list[str], maybe: list[str]) -> str:
     several = role in SIDED_CLUSTERS + MIDDLE_CLUSTERS
     chosen = (sure + maybe) if several else (sure or maybe)
     if not chosen:
         return f"  # {role}:"
     remarks = []
     if any(label in maybe for label in chosen):
-        way = "" if len(maybe) < 2 else " by its place in this recording" if placed else " by the file's order"
-        remarks.append(f"guess{way}" if not several else f"guesses: {', '.join(maybe)}")
+        remarks.append("guess" if not several else f"guesses: {', '.join(maybe)}")
     if role == "toe_tip":
         remarks.append("toe instead, if it is on the second metatarsal head")
     if not several and len(chosen) > 1:
         remarks.append(f"or {', '.join(chosen[1:])}")
-    value = ", ".join(_quoted(label) for label in (chosen if several else chosen[:1]))
+    quoted = (label if re.fullmatch(r"[A-Za-z][\w.]*", label, re.ASCII) else "'" + label.replace("'", "''") + "'"
+              for label in (chosen if several else chosen[:1]))
+    value = ", ".join(quoted)
     return f"  {role}: {f'[{value}]' if several else value}" + (f"  # {'; '.join(remarks)}" if remarks else "")
-
-
-def _quoted(label: str) -> str:
-    plain = label.isascii() and label.replace(".", "").replace("_", "").isalnum() and not label[0].isdigit()
-    return label if plain else "'" + label.replace("'", "''") + "'"
 
 
 def _guess(label: str) -> tuple[str, str] | None:
