@@ -131,13 +131,6 @@ def test_plates_that_lie_elsewhere_are_refused(change):
         assign(*(moved(p, **change) for p in everywhere()))
 
 
-def test_force_down_or_sideways_is_refused():
-    with pytest.raises(InputError, match=r"made\.c3d: plate R0: its vertical force is negative"):
-        assign(*(dataclasses.replace(p, force_n=-p.force_n) for p in everywhere()))
-    with pytest.raises(InputError, match="not vertical"):
-        assign(*(dataclasses.replace(p, force_n=p.force_n[:, [2, 1, 0]]) for p in everywhere()))
-
-
 @pytest.mark.parametrize("late_ms", [-250, 250])
 def test_forces_on_another_clock_are_refused(late_ms):
     """A quarter of a second off, half of each load acts where the foot is not yet or no longer."""

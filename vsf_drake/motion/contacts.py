@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
-from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -22,7 +21,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion import events
 from vsf_drake.motion.events import THRESHOLD_N, Span, Stance, find_scuffs, find_stances
 from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording
-from vsf_drake.motion.markers.segments import FootTrack
+from vsf_drake.motion.markers.segments import FootTrack, from_line
 from vsf_drake.sentences import say
 
 SAME_FORCE = 0.02  # plates whose forces differ by a smaller share of themselves report one load
@@ -85,14 +84,12 @@ def assign_plates(recording: Recording, time_s: np.ndarray, feet: dict[str, Foot
 
     The recording is on the clock of `time_s` (n,), that of the feet, by side, and of a point of the pelvis, (n, 3) m.
     Plate names by side as `stated` by the user win over the centre of pressure, and a contradiction is noted. Refused
-    where plates are not there, pulled sideways or upwards, not loaded while the feet are seen, or mostly far from both.
+    where plates are not there, not loaded while the feet are seen, or mostly far from both.
     """
     file = recording.force_path or recording.path
     if not recording.plates:
         raise InputError("has no force plates", file=file, where="forces (--forces)",
                          right="Name the file that has the forces")
-    for plate in recording.plates:
-        _check_upward(plate, file)
     names = {name: side for side, name in (stated or {}).items() if name is not None}
     known = [plate.name for plate in recording.plates]
     for name, side in names.items():
@@ -143,27 +140,6 @@ def _check_near(loads: Sequence[_Load], recording: Recording, time_s: np.ndarray
                   "centre of pressure, laboratory.up (--up) and laboratory.forward (--forward)")
 
 
-# Force plates that cannot be right: the same one twice.
-
-
-def _check_upward(plate: Plate, file: Path) -> None:
-    """Files are turned upright when they are read; a recording that a program made may not be."""
-    where = f"plate {plate.name}"
-    if not np.isfinite(plate.force_n).all():
-        row = int(np.argwhere(~np.isfinite(plate.force_n))[0][0])
-        raise InputError(f"the force of sample {row + 1} is not a finite number", file=file, where=where)
-    size = np.linalg.norm(plate.force_n, axis=1)
-    if size.max(initial=0.0) < events.MINIMUM_PEAK_N:
-        return
-    mean = plate.force_n[size > 0.3 * size.max()].mean(axis=0)
-    if np.argmax(np.abs(mean)) != 2:
-        raise InputError("the largest part of its force is not vertical", file=file, where=where,
-                         right="Say which axis of the file is up, laboratory.up (--up), and check the plate's corners")
-    if mean[2] < 0.0:
-        raise InputError(f"its vertical force is negative ({mean[2]:.4g} N)", file=file, where=where,
-                         right="The force of the ground on the person is needed, up positive: turn its sign")
-
-
 def _without_doubles(recording: Recording, floor: _FeetOnFloor) -> tuple[list[Plate], list[str]]:
     """The plates without those that report another's load once more, and notes on what was left out."""
     time, left_out, notes = recording.force_time_s, list[Plate](), []
@@ -211,11 +187,7 @@ class _FeetOnFloor:
 
     def distance(self, times: np.ndarray, points: np.ndarray, side: str) -> tuple[np.ndarray, np.ndarray]:
         """(k,) m from `points` (k, 2) to the foot's heel-toe line, and where along it (0 heel, 1 toe)."""
-        heel, toe = self.at(times, side)
-        line = toe - heel
-        along = np.einsum("ij,ij->i", points - heel, line) / np.maximum(np.einsum("ij,ij->i", line, line), 1e-12)
-        nearest = heel + np.clip(along, 0.0, 1.0)[:, None] * line
-        return np.linalg.norm(points - nearest, axis=1), along
+        return from_line(points, *self.at(times, side))
 
 
 def _within(times: np.ndarray, spans: Sequence[Span]) -> np.ndarray:

@@ -14,7 +14,6 @@ from vsf_drake.motion.markers.joints import (
     HIP_METHODS,
     chord,
     coordinates_of,
-    gimbal_notes,
     hip_offset,
     joint_angles,
     joint_rotation,
@@ -133,11 +132,3 @@ def test_angles_are_continuous_through_half_a_turn():
     values[:, column] = np.linspace(-2.0, 4.5, 100)
     R_W, p = orientations_of(values)
     np.testing.assert_allclose(coordinates_of(R_W, p), values, atol=1e-12)
-
-
-def test_adduction_near_a_right_angle_is_noted():
-    values = np.zeros((3, len(COORDINATES)))
-    assert gimbal_notes(values) == []
-    values[1, COORDINATES.index("hip_adduction_l")] = 1.4
-    (note,) = gimbal_notes(values)
-    assert "hip_adduction_l" in note and "80 degrees" in note

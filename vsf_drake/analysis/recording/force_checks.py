@@ -12,6 +12,7 @@ from vsf_drake.analysis.recording import DOUBTFUL_BW, GOOD_BW, Check, at_most, c
 from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity
 from vsf_drake.motion.events import Stance, longest_run
 from vsf_drake.motion.formats.recording import PlateRecording
+from vsf_drake.motion.markers.segments import from_line
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 
@@ -120,10 +121,7 @@ def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -
     rows = (load > LOADED_N) & np.isfinite(cop_W).all(axis=1)
     if not rows.any():
         return None
-    heel, toe, cop = foot.heel_W[rows, :2], foot.toe_W[rows, :2], cop_W[rows, :2]
-    along = toe - heel
-    share = np.clip(np.sum((cop - heel) * along, axis=1) / np.maximum(np.sum(along**2, axis=1), 1e-12), 0.0, 1.0)
-    value = float(np.percentile(np.linalg.norm(cop - heel - share[:, None] * along, axis=1), 90))
+    value = float(np.percentile(from_line(cop_W[rows, :2], foot.heel_W[rows, :2], foot.toe_W[rows, :2])[0], 90))
     return checked("cop_under_foot", "centre of pressure under the foot", grade(value, *OUTSIDE_M), value, "m",
                 side=foot.side, needed=True)
 

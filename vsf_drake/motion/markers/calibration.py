@@ -22,7 +22,7 @@ from vsf_drake.motion.markers.joints import COORDINATES, HIP_METHODS, Anatomy
 from vsf_drake.motion.markers.maps import MarkerMap
 from vsf_drake.motion.markers.person_facts import PersonFacts, body_mass, check_facts, stature
 from vsf_drake.motion.markers.posture import MID_FULCRUM_M, NOTE, Posture, facing, forefoot_labels, typical
-from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers
+from vsf_drake.motion.markers.segments import PARENTS, SEGMENTS, Calibration, FootPoints, SegmentMarkers, from_line
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.schema import check
 from vsf_drake.sentences import say
@@ -270,7 +270,7 @@ def _check_segments(posture: Posture, refuse: Callable[..., NoReturn]) -> None:
             in (("thigh", "asis", "knee_lateral"), ("shank", "knee_lateral", "ankle_lateral"))}
     for segment, span in ends.items():
         for label in posture.labelled.segments[segment]:
-            away = {name: float(np.nanmedian(_distance(posture.points[label], *map(posture.needed, line))))
+            away = {name: float(np.nanmedian(from_line(posture.points[label], *map(posture.needed, line))[0]))
                     for name, line in ends.items()} if label in posture.points else {segment: 0.0}
             nearest = min(away, key=lambda name: away[name])
             if away[segment] > away[nearest] + ASTRAY_M:
@@ -292,8 +292,3 @@ def _check_proportions(lengths_m: dict[str, float], posture: Posture, file: str 
 def _words(role: str) -> str:
     name, side = role.rsplit("_", 1)
     return f"{side} {name.replace('_', ' ')}"
-
-
-def _distance(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    part = np.clip(np.sum((point - a) * (b - a), axis=1) / np.sum((b - a) ** 2, axis=1), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(point - a - part[:, None] * (b - a), axis=1))

@@ -206,3 +206,10 @@ def segment_poses(segments: Mapping[str, SegmentMarkers], markers: Mapping[str, 
     for name, segment in segments.items():
         poses[name] = segment_pose(name, segment, markers, poses)
     return poses
+
+
+def from_line(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) m from points to the straight pieces from `a` to `b`, all (n, k) m, and where along these (0 a, 1 b)."""
+    line = b - a
+    along = np.sum((point - a) * line, axis=1) / np.maximum(np.sum(line**2, axis=1), 1e-12)
+    return np.linalg.norm(point - a - np.clip(along, 0.0, 1.0)[:, None] * line, axis=1), along
