@@ -25,7 +25,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from vsf_drake.analysis.comparison import cumulative_integral
-from vsf_drake.analysis.validation.study import finite
+from vsf_drake.files import flat
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.laws.bushing import axis_force
 from vsf_drake.motion.events import Stance, find_stances
@@ -61,7 +61,6 @@ class ProsthesisEnergy:
 
     time_s: np.ndarray  # (n,) ends of the steps
     terms: dict[str, np.ndarray]  # TERMS, each (n,) J; differences between two instants count
-    socket_work: np.ndarray  # (n,) J of the bushing on the socket: the limb's work without what the bushing keeps
     balance_work: np.ndarray  # (n,) J, the limb's work without the bushing's law: of ground wrench and momentum's rate
     pylon_power: np.ndarray  # (n,) W, `distal_power` of the pylon
     shank_power: np.ndarray  # (n,) W, the same of the residual shank
@@ -112,7 +111,7 @@ def prosthesis_energy(walker: Walker, walk: Walk) -> ProsthesisEnergy:
     balance = np.gradient(motion.momentum, step, axis=0) - ground - weight
     return ProsthesisEnergy(
         time_s=record.time_s, terms={name: terms[name] - terms[name][0] for name in TERMS},
-        socket_work=worked(limb, pylon_twist), balance_work=worked(balance, shank_twist),
+        balance_work=worked(balance, shank_twist),
         pylon_power=distal_power(walk.prosthetic, pylon_twist), shank_power=distal_power(walk.prosthetic, shank_twist),
         vertical_n=walk.prosthetic.grf_W[:, 2], keel_load=_keel_load(walk, walker, motion))
 
@@ -159,10 +158,8 @@ def distal_power(reaction: FootReaction, twist: np.ndarray) -> np.ndarray:
 #
 # The recorded motion prescribes where the limb goes, so that a stiffer foot under the same motion is pressed as far and
 # bears more. A person carries the same weight on either. Here the motion is changed by a perturbation of the pelvis'
-# height
-# until the vertical force on the prosthetic foot is that of the walk at the trial's own position; everything else of
-# the motion stays. The perturbation is found by Newton's method instant by instant, with how the force depends on the
-# height.
+# height until the vertical force on the prosthetic foot is that of the walk at the trial's own position; all else stays.
+# It is found by Newton's method instant by instant, with how the force depends on the height.
 
 _HEIGHT = "pelvis_ty"
 _MOST_WALKS = 8
@@ -236,17 +233,13 @@ def walk_with_same_load(
 
 # One stance of the ledger in numbers: stored, returned, lost, and how well it closes.
 #
-# Stored is the strain of keel, foam and fulcrum support above what it was at touch-down, at its largest. Of it,
-# `released` is gone again at toe-off; `returned` is what of that the foot gave back: released without what keel, foam,
-# support and friction lost on the way. The return ratio is returned over stored. The efficiency is returned over what
-# was put into the foot up to the largest strain, stored and lost.
+# Stored is the strain of keel, foam and fulcrum support above what it was at touch-down, at its largest. Returned is
+# what of it is gone again at toe-off, without what keel, foam, support and friction lost on the way.
 
 PERCENT = np.linspace(0.0, 100.0, 201)
 """Of stance, where curves are given; powers are means between neighbours."""
 _LATE = 0.5
 """Share of stance after which the largest vertical load is that of push-off."""
-_PHASES = {"loading": (0.0, 0.15), "middle": (0.15, 0.75), "push_off": (0.75, 1.0)}
-"""Shares of stance by which the remainder is looked at (a choice)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,56 +247,23 @@ class StanceNumbers:
     """One stance; shares are of the stored energy, None where nothing was stored."""
 
     fulcrum_mm: float
-    start_s: float
-    end_s: float
-    step_s: float
     stored_j: float
     stored_at_percent: float  # of stance: where the strain is largest
-    keel_stored_j: float  # largest strain of the keel alone
     keel_at_most_j: float  # of what is stored, when it is largest
     foam_at_most_j: float
     fulcrum_at_most_j: float
-    released_j: float
     returned_j: float
     return_ratio: float | None
-    absorbed_j: float  # put into the foot up to the largest strain
-    efficiency: float | None  # returned over absorbed
     lost_j: float  # by the foot
-    lost_before_j: float  # the largest strain
-    lost_after_j: float
-    limb_work_j: float  # from here on TERMS at toe-off
-    keel_strain_j: float
-    foam_strain_j: float
-    fulcrum_strain_j: float
-    bushing_strain_j: float
-    kinetic_j: float
-    gravity_j: float
-    keel_loss_j: float
-    foam_loss_j: float
-    friction_loss_j: float
-    fulcrum_loss_j: float
-    bushing_loss_j: float
-    remainder_j: float
     remainder_max_j: float  # at any instant
     remainder_share: float | None
-    remainder_by_phase_j: Mapping[str, float]
-    socket_work_j: float
-    balance_work_j: float  # the limb's work without the bushing's law
-    balance_share: float | None  # by what it is off from the ledger's at most
-    distal_work_j: float  # of the distal segment power, of the pylon
-    distal_absorbed_j: float
-    distal_returned_j: float
-    distal_peak_w: float
+    balance_share: float | None  # by what the limb's work without the bushing's law is off from the ledger's at most
+    distal_peak_w: float  # of the distal segment power, of the pylon
     distal_lowest_w: float
-    shank_distal_work_j: float
-    shank_distal_peak_w: float
-    distal_share: float | None  # by what it is off from strain and losses of the foot at most
+    distal_share: float | None  # by what its work is off from strain and losses of the foot at most
     late_load_n: float  # largest vertical force in the second half of stance
-    late_load_at_percent: float
-    keel_load_n: float  # across the keel at the largest strain, and where it acts
-    keel_load_point_mm: float | None
-    beam_j: float | None  # F²/2k of the closed form there
-    bent_at_most_j: float  # keel and support when most is stored
+    beam_j: float | None  # F²/2k in closed form of what keel and support hold at the largest strain
+    terms_j: Mapping[str, float] = flat()  # TERMS at toe-off, each as "<name>_j"
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,6 +271,7 @@ class StanceEnergy:
     """Numbers of one stance, and curves on PERCENT: `terms_j` (len(TERMS), 201) from touch-down on, and
     `pylon_power_w`, `shank_power_w` (200,)."""
 
+    stance: Stance
     row: StanceNumbers
     curves: dict[str, np.ndarray]
 
@@ -320,50 +281,36 @@ def stance_energy(energy: ProsthesisEnergy, stance: Stance, *, foot: FootParamet
     first = max(int(np.searchsorted(energy.time_s, stance.start_s)) - 1, 0)
     cut = slice(first, min(int(np.searchsorted(energy.time_s, stance.end_s)), len(energy.time_s) - 1) + 1)
     time = energy.time_s[cut]
-    step, last = float(time[1] - time[0]), len(time) - 1
+    step = float(time[1] - time[0])
     terms = {name: energy.terms[name][cut] - energy.terms[name][first] for name in TERMS}
     strain = np.sum([terms[name] for name in FOOT_STRAINS], axis=0)
     lost = np.sum([terms[name] for name in FOOT_LOSSES], axis=0)
     balance = energy.balance_work[cut] - energy.balance_work[first]
-    remainder = terms[REMAINDER]
-    missed = float(np.abs(remainder).max())
+    missed = float(np.abs(terms[REMAINDER]).max())
 
     # stored at its largest; returned = released since then, less what was lost on the way
     top = int(strain.argmax())
-    stored, released = float(strain[top]), float(strain[top] - strain[-1])
-    returned = released - float(lost[-1] - lost[top])
-    absorbed = stored + float(lost[top])
+    stored = float(strain[top])
+    returned = float(strain[top] - strain[-1] - (lost[-1] - lost[top]))
 
-    def share(part: float, whole: float = stored) -> float | None:
-        return part / whole if whole > 0.0 else None
+    def share(part: float) -> float | None:
+        return part / stored if stored > 0.0 else None
 
     pylon, shank = (cumulative_integral(power[cut], step) for power in (energy.pylon_power, energy.shank_power))
     grid = time[0] + 0.01 * PERCENT * (time[-1] - time[0])
     pylon_w, shank_w = (np.diff(np.interp(grid, time, work)) / np.diff(grid) for work in (pylon, shank))
-    half = int(_LATE * len(time))
-    late = energy.vertical_n[cut][half:]
     load, lever = energy.keel_load[cut][top]
-    at_most = {f"{name.removesuffix('_strain')}_at_most_j": float(terms[name][top]) for name in FOOT_STRAINS}
+    keel, foam, support = (float(terms[name][top]) for name in FOOT_STRAINS)
     row = StanceNumbers(
-        fulcrum_mm=round(1e3 * fulcrum_m, 6), start_s=stance.start_s, end_s=stance.end_s, step_s=step,
-        stored_j=stored, stored_at_percent=100.0 * top / last, keel_stored_j=float(terms["keel_strain"].max()),
-        **at_most, bent_at_most_j=at_most["keel_at_most_j"] + at_most["fulcrum_at_most_j"],
-        released_j=released, returned_j=returned, return_ratio=share(returned), absorbed_j=absorbed,
-        efficiency=share(returned, absorbed), lost_j=float(lost[-1]), lost_before_j=float(lost[top]),
-        lost_after_j=float(lost[-1] - lost[top]), **{f"{name}_j": float(terms[name][-1]) for name in TERMS},
-        remainder_max_j=missed, remainder_share=share(missed),
-        remainder_by_phase_j={name: float(remainder[round(end * last)] - remainder[round(start * last)])
-                              for name, (start, end) in _PHASES.items()},
-        socket_work_j=float(energy.socket_work[cut][-1] - energy.socket_work[first]),
-        balance_work_j=float(balance[-1]), balance_share=share(float(np.abs(balance - terms[INPUT]).max())),
-        distal_work_j=float(pylon[-1]), distal_absorbed_j=-float(pylon[top]),
-        distal_returned_j=float(pylon[-1] - pylon[top]), distal_peak_w=float(pylon_w.max()),
-        distal_lowest_w=float(pylon_w.min()), shank_distal_work_j=float(shank[-1]),
-        shank_distal_peak_w=float(shank_w.max()), distal_share=share(float(np.abs(pylon + strain + lost).max())),
-        late_load_n=float(late.max()), late_load_at_percent=100.0 * (half + int(late.argmax())) / last,
-        keel_load_n=float(load), keel_load_point_mm=finite(1e3 * lever),
-        beam_j=_beam_energy(foot, fulcrum_m, float(load), float(lever)))
-    return StanceEnergy(row=row, curves={
+        fulcrum_mm=round(1e3 * fulcrum_m, 6), stored_j=stored, stored_at_percent=100.0 * top / (len(time) - 1),
+        keel_at_most_j=keel, foam_at_most_j=foam, fulcrum_at_most_j=support, returned_j=returned,
+        return_ratio=share(returned), lost_j=float(lost[-1]), remainder_max_j=missed, remainder_share=share(missed),
+        balance_share=share(float(np.abs(balance - terms[INPUT]).max())), distal_peak_w=float(pylon_w.max()),
+        distal_lowest_w=float(pylon_w.min()), distal_share=share(float(np.abs(pylon + strain + lost).max())),
+        late_load_n=float(energy.vertical_n[cut][int(_LATE * len(time)):].max()),
+        beam_j=_beam_energy(foot, fulcrum_m, float(load), float(lever)),
+        terms_j={f"{name}_j": float(terms[name][-1]) for name in TERMS})
+    return StanceEnergy(stance=stance, row=row, curves={
         "terms_j": np.array([np.interp(grid, time, terms[name]) for name in TERMS]),
         "pylon_power_w": pylon_w, "shank_power_w": shank_w})
 

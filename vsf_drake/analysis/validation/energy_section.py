@@ -8,7 +8,7 @@ that is pressed as far bears more and stores more, k x²/2. The verdict is of th
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -30,7 +30,6 @@ from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial import Trial
 from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
-from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.walk import Walker
 
 STEPS_S = {False: (1.25e-4, 2.5e-4, 5e-4, 2e-3), True: (1e-3, 2e-3, 2e-3, 2e-3)}
@@ -38,9 +37,7 @@ STEPS_S = {False: (1.25e-4, 2.5e-4, 5e-4, 2e-3), True: (1e-3, 2e-3, 2e-3, 2e-3)}
 search for those with the same load."""
 ASKED_SHARE = 0.01
 """Of the stored energy within which the ledger has to close."""
-SPREAD = ("stored_j", "keel_stored_j", "returned_j", "return_ratio", "efficiency", "lost_j", "bushing_loss_j",
-          "distal_peak_w", "distal_lowest_w", "limb_work_j", "late_load_n", "bench_j")
-_SAME_M = 1e-6
+SPREAD = ("stored_j", "returned_j", "return_ratio", "lost_j", "distal_peak_w", "distal_lowest_w")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,15 +46,22 @@ class EnergyRow(StanceNumbers):
 
     label: str  # of the trial
     stance: int  # from 1
-    bench_j: float | None  # F²/2k of the testing machine at the largest late vertical force
-    bench_n_per_mm: float | None
+    coarse_remainder_max_j: float | None  # in twice the step; None where that walk failed
 
 
 @dataclass(frozen=True, kw_only=True)
-class MovedRow(EnergyRow):
-    """A trial with the fulcrum elsewhere; what `SameLoad` has of its load, None where the motion is kept."""
+class MovedRow:
+    """The first stance of a trial with the fulcrum elsewhere; what `SameLoad` has of its load, None where the motion is
+    kept."""
 
-    own: bool  # whether it stood there
+    label: str
+    fulcrum_mm: float
+    stored_j: float
+    returned_j: float
+    return_ratio: float | None
+    friction_loss_j: float
+    late_load_n: float
+    remainder_share: float | None
     off_bw: float | None
     height_mm: float | None
 
@@ -68,23 +72,7 @@ class EnergyCondition:
 
     fulcrum_mm: float
     n: int
-    labels: tuple[str, ...]
     means: Mapping[str, float | None] = flat()  # of SPREAD by its key, and the sample SD by `<key>_sd`
-
-
-@dataclass(frozen=True, kw_only=True)
-class Convergence:
-    """What twice the step changes in a stance."""
-
-    label: str
-    stance: int
-    fulcrum_mm: float
-    remainder_max_j: float
-    coarse_remainder_max_j: float
-    remainder_ratio: float | None
-    stored_j_change: float
-    returned_j_change: float
-    lost_j_change: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +84,6 @@ class Softer:
     same_load: bool | None  # in every trial that was walked at all positions
     same_load_against: tuple[str, ...]  # those in which it does not
     same_motion: bool | None
-    same_motion_against: tuple[str, ...]
     both: bool | None  # under the same load and as recorded
 
 
@@ -108,12 +95,10 @@ class EnergyTable:
     conditions: tuple[EnergyCondition, ...]
     same_load: tuple[MovedRow, ...]
     same_motion: tuple[MovedRow, ...]
-    convergence: tuple[Convergence, ...]
-    terms: tuple[str, ...]
+    terms: tuple[str, ...]  # by which the array `terms_j` is ordered
     step_s: float
     coarse_step_s: float
     moved_step_s: float
-    load_point_mm: float
     asked_share: float
     ledger_remainder_share_max: float | None
     ledger_closes: bool | None
@@ -133,10 +118,10 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
     Arrays: `percent` (201,), `terms_j` (rows, len(terms), 201) by `terms`, `pylon_power_w` and `shank_power_w`
     (rows, 200).
     """
-    fine, coarse, moved, search = STEPS_S[study.options.quick]
+    fine, coarse_step, moved, search = STEPS_S[study.options.quick]
     positions = reached(study.model.foot, PUBLISHED_FULCRUMS_M)
     own = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=walk.trial.fulcrum_m, step_s=step)
-           for step in (fine, coarse) for walk in study.walks]
+           for step in (fine, coarse_step) for walk in study.walks]
     elsewhere = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=x, step_s=moved, search_step_s=step)
                  for step in (None, search) for walk in study.walks for x in positions]
     every = walk_cases([*own, *elsewhere], workers=study.options.workers,
@@ -144,19 +129,12 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
     count = len(study.walks)
     reported, twins, walks = every[:count], every[count : 2 * count], every[2 * count :]
 
-    # N/m by position (mm) of this model in the testing machine
-    wanted = sorted({round(1e3 * x, 6) for x in positions} | {walk.fulcrum_mm for walk in study.walks})
-    stiffness: dict[float, float] = {}
-    bench_problem = None
-    try:
-        bench = BenchStiffness(study.model.foot, fulcrums_m=[1e-3 * x for x in wanted], heel=False)
-        stiffness = dict(zip(wanted, map(float, bench.evaluate({})[0]), strict=True))
-    except (InputError, SimulationError) as error:
-        bench_problem = error
-    trials = [row for walk in reported for row in _rows(walk, stiffness)]
-    motion, load = (tuple(MovedRow(**vars(row), own=abs(walk.case.fulcrum_m - walk.case.trial.fulcrum_m) < _SAME_M,
-                                   off_bw=walk.off_bw, height_mm=walk.height_mm)
-                          for walk in part for row in _rows(walk, stiffness)[:1])
+    coarse = {(walk.case.label, i): stance.row.remainder_max_j for walk in twins
+              for i, stance in enumerate(walk.stances)}
+    trials = tuple(EnergyRow(**vars(stance.row), label=walk.case.label, stance=i + 1,
+                             coarse_remainder_max_j=coarse.get((walk.case.label, i)))
+                   for walk in reported for i, stance in enumerate(walk.stances))
+    motion, load = (tuple(_moved(walk) for walk in part if walk.stances)
                     for part in (walks[: len(walks) // 2], walks[len(walks) // 2 :]))
     conditions = tuple(_condition(x, [row for row in trials if row.fulcrum_mm == x])
                        for x in sorted({row.fulcrum_mm for row in trials}))
@@ -165,46 +143,42 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
     remainder, balance, distal = (max((one for row in trials if (one := getattr(row, key)) is not None), default=None)
                                   for key in ("remainder_share", "balance_share", "distal_share"))
     table = EnergyTable(
-        trials=tuple(trials), conditions=conditions, same_load=load, same_motion=motion,
-        convergence=tuple(_convergence(trials, [row for walk in twins for row in _rows(walk, stiffness)])),
-        terms=TERMS, step_s=fine, coarse_step_s=coarse, moved_step_s=moved,
-        load_point_mm=1e3 * study.model.foot.load_point_m, asked_share=ASKED_SHARE,
-        ledger_remainder_share_max=remainder, ledger_closes=None if remainder is None else remainder <= ASKED_SHARE,
-        balance_share_max=balance, distal_share_max=distal,
-        result_remainder_share_max=_result_remainder(study, trials), result_step_s=study.options.step_s,
-        softer_stores_more=judged["stored_j"].both, softer_returns_more=judged["returned_j"].both,
-        softer=judged, synthetic=study.synthetic)
+        trials=trials, conditions=conditions, same_load=load, same_motion=motion, terms=TERMS, step_s=fine,
+        coarse_step_s=coarse_step, moved_step_s=moved, asked_share=ASKED_SHARE, ledger_remainder_share_max=remainder,
+        ledger_closes=None if remainder is None else remainder <= ASKED_SHARE, balance_share_max=balance,
+        distal_share_max=distal, result_remainder_share_max=_result_remainder(study, reported),
+        result_step_s=study.options.step_s, softer_stores_more=judged["stored_j"].both,
+        softer_returns_more=judged["returned_j"].both, softer=judged, synthetic=study.synthetic)
     stances = [stance for walk in reported for stance in walk.stances]
     curves = {name: np.array([stance.curves[name] for stance in stances])
               for name in ("terms_j", "pylon_power_w", "shank_power_w")} if stances else {}
     return Section(table=table, arrays={"percent": PERCENT} | curves, missing=tuple(say(
-        "energy", "missing", bench=bench_problem, reaches_all=len(positions) == len(PUBLISHED_FULCRUMS_M),
+        "energy", "missing", reaches_all=len(positions) == len(PUBLISHED_FULCRUMS_M),
         failed=[(walk.case.label, 1e3 * walk.case.fulcrum_m, walk.case.search_step_s is not None, walk.failure)
                 for walk in (*reported, *walks) if walk.failure],
         unconverged=[(walk.case.label, walk.unconverged_steps) for walk in reported if walk.unconverged_steps],
         one_position=len(conditions) == 1, persons=persons if len(conditions) > 1 else 1)))
 
 
-def _rows(walk: EnergyWalk, stiffness: Mapping[float, float]) -> list[EnergyRow]:
-    rows = []
-    for i, stance in enumerate(walk.stances):
-        numbers, k = stance.row, stiffness.get(stance.row.fulcrum_mm)
-        rows.append(EnergyRow(
-            **vars(numbers), label=walk.case.label, stance=i + 1, bench_n_per_mm=None if k is None else 1e-3 * k,
-            bench_j=None if k is None else 0.5 * numbers.late_load_n**2 / k))
-    return rows
+def _moved(walk: EnergyWalk) -> MovedRow:
+    row = walk.stances[0].row
+    return MovedRow(
+        label=walk.case.label, fulcrum_mm=row.fulcrum_mm, stored_j=row.stored_j, returned_j=row.returned_j,
+        return_ratio=row.return_ratio, friction_loss_j=row.terms_j["friction_loss_j"], late_load_n=row.late_load_n,
+        remainder_share=row.remainder_share, off_bw=walk.off_bw, height_mm=walk.height_mm)
 
 
-def _result_remainder(study: Study, rows: Sequence[EnergyRow]) -> float | None:
+def _result_remainder(study: Study, reported: Sequence[EnergyWalk]) -> float | None:
     """What the whole person's ledger misses at most in a stance of the study's own walks, over what the foot stores."""
     shares = []
-    for walk in study.walks:
+    for walk, own in zip(study.walks, reported, strict=True):
         result = walk.result
         ledger = dict(zip(result.energy_names, result.energy_j.T, strict=True))
-        for row in rows if "remainder" in ledger else ():
-            inside = ledger["remainder"][(result.time_s >= row.start_s) & (result.time_s <= row.end_s)]
-            if row.label == walk.label and row.stored_j > 0.0 and inside.size:
-                shares.append(float(np.abs(inside - inside[0]).max()) / row.stored_j)
+        for one in own.stances if "remainder" in ledger else ():
+            stance, stored = one.stance, one.row.stored_j
+            inside = ledger["remainder"][(result.time_s >= stance.start_s) & (result.time_s <= stance.end_s)]
+            if stored > 0.0 and inside.size:
+                shares.append(float(np.abs(inside - inside[0]).max()) / stored)
     return max(shares, default=None)
 
 
@@ -214,21 +188,7 @@ def _condition(fulcrum_mm: float, rows: Sequence[EnergyRow]) -> EnergyCondition:
     for key in SPREAD:
         own = spread(getattr(row, key) for row in rows)
         means |= {key: own.mean, f"{key}_sd": own.sd}
-    return EnergyCondition(fulcrum_mm=fulcrum_mm, n=len(rows), labels=tuple(row.label for row in rows), means=means)
-
-
-def _convergence(fine: Sequence[EnergyRow], coarse: Sequence[EnergyRow]) -> Iterator[Convergence]:
-    """By stance, what twice the step changes."""
-    twins = {(row.label, row.stance): row for row in coarse}
-    for row in fine:
-        twin = twins.get((row.label, row.stance))
-        if twin is not None:
-            small, large = row.remainder_max_j, twin.remainder_max_j
-            yield Convergence(
-                label=row.label, stance=row.stance, fulcrum_mm=row.fulcrum_mm, remainder_max_j=small,
-                coarse_remainder_max_j=large, remainder_ratio=large / small if small > 0.0 else None,
-                stored_j_change=twin.stored_j - row.stored_j, returned_j_change=twin.returned_j - row.returned_j,
-                lost_j_change=twin.lost_j - row.lost_j)
+    return EnergyCondition(fulcrum_mm=fulcrum_mm, n=len(rows), means=means)
 
 
 def _judged(
@@ -248,10 +208,9 @@ def _judged(
         return all(known) if known else None, tuple(label for label, one in verdicts.items() if one is False)
 
     recorded = falls([mean for row in conditions if (mean := row.means[key]) is not None])
-    (same_load, against_load), (same_motion, against_motion) = in_trials(load), in_trials(motion)
+    same_load, against = in_trials(load)
     return Softer(
-        recorded=recorded, same_load=same_load, same_load_against=against_load, same_motion=same_motion,
-        same_motion_against=against_motion,
+        recorded=recorded, same_load=same_load, same_load_against=against, same_motion=in_trials(motion)[0],
         both=None if same_load is None or recorded is None else same_load and recorded)
 
 

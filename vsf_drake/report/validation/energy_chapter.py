@@ -45,10 +45,8 @@ _LOSSES = ("keel_loss", "foam_loss", "friction_loss", "fulcrum_loss")
 def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
     """What the foot stores and returns by fulcrum position, and how well the ledger of it closes."""
     trials, figures = table.trials, {}
-    facts = {**vars(table), "conditions": plain(table.conditions)}
+    facts = {**vars(table), "trials": plain(trials), "conditions": plain(table.conditions)}
     if trials:
-        phases = {name: 1e3 * float(np.mean([row.remainder_by_phase_j[name] for row in trials]))
-                  for name in trials[0].remainder_by_phase_j}
         facts |= {
             "firsts": [trials[i] for i in _first_of_each(table).values()],
             "stored_at_ends": [(name, *ends) for name, stored in (
@@ -56,12 +54,10 @@ def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
                 ("under the same load", [(row.fulcrum_mm, row.stored_j) for row in table.same_load]),
                 ("with the same motion", [(row.fulcrum_mm, row.stored_j) for row in table.same_motion]))
                 if (ends := _at_ends(stored))],
-            "remainder_ratios": [row.remainder_ratio for row in table.convergence],
-            "phases_mj": phases,
-            "push_off_leads": abs(phases["push_off"]) > max(abs(phases["loading"]), abs(phases["middle"])),
-            "lost_first_j": sum(getattr(trials[0], f"{name}_j") for name in table.terms if name.endswith("_loss")),
-            "beam_ratios": [row.bent_at_most_j / row.beam_j for row in trials if row.beam_j],
-            "bench_ratios": [row.stored_j / row.bench_j for row in trials if row.bench_j],
+            "remainder_ratios": [row.coarse_remainder_max_j / row.remainder_max_j for row in trials
+                                 if row.coarse_remainder_max_j is not None and row.remainder_max_j > 0.0],
+            "lost_first_j": sum(trials[0].terms_j[f"{name}_j"] for name in table.terms if name.endswith("_loss")),
+            "beam_ratios": [(row.keel_at_most_j + row.fulcrum_at_most_j) / row.beam_j for row in trials if row.beam_j],
             "ledger_columns": [
                 ("label", "trial"), *((f"{name}_j", f"{text} (J)", "{:.4f}" if name == "remainder" else "{:.2f}")
                                       for name, text in _WORDS.items()),
@@ -103,11 +99,11 @@ def _ledger_figure(table: EnergyTable) -> Figure:
 
 
 def _waterfall(axes: Axes, row: EnergyRow) -> None:
-    left, names = row.limb_work_j, list(_WORDS)
+    left, names = row.terms_j["limb_work_j"], list(_WORDS)
     axes.barh(0, left, color=colour_of(row.fulcrum_mm))
     axes.text(left, 0, f" {left:.2f}", va="center", fontsize=8)
     for i, name in enumerate(names[1:], start=1):
-        size = getattr(row, f"{name}_j")
+        size = row.terms_j[f"{name}_j"]
         axes.barh(i, -size, left=left,
                   color="black" if name == "remainder" else "0.35" if name.endswith("_loss") else "0.75")
         axes.plot([left, left], [i - 1.4, i + 0.4], color=NEUTRAL, linewidth=0.6)
@@ -122,16 +118,14 @@ def _waterfall(axes: Axes, row: EnergyRow) -> None:
 
 def _remainders(axes: Axes, table: EnergyTable) -> None:
     rows, asked = table.trials, 100.0 * table.asked_share
-    coarse = {(row.label, row.stance): row for row in table.convergence}
     homes = sorted({row.fulcrum_mm for row in rows})
     for i, row in enumerate(rows):
         look: dict[str, Any] = {"marker": MARKERS[homes.index(row.fulcrum_mm) % len(MARKERS)],
                                 "color": colour_of(row.fulcrum_mm)}
         if row.remainder_share:
             axes.plot(i, 100.0 * row.remainder_share, **look, linestyle="")
-        twin = coarse.get((row.label, row.stance))
-        if twin and row.stored_j > 0.0 and twin.coarse_remainder_max_j > 0.0:
-            axes.plot(i, 100.0 * twin.coarse_remainder_max_j / row.stored_j, **look, markerfacecolor="white",
+        if row.coarse_remainder_max_j and row.stored_j > 0.0:
+            axes.plot(i, 100.0 * row.coarse_remainder_max_j / row.stored_j, **look, markerfacecolor="white",
                       linestyle="")
     axes.axhline(asked, color="0.1", linewidth=1.2)
     axes.text(0.02, asked * 1.06, f"asked: at most {asked:g} %", va="bottom", fontsize=8,
