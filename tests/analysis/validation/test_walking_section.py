@@ -21,34 +21,28 @@ from vsf_drake.analysis.comparison import compare, percent_instants, rmse
 from vsf_drake.analysis.contact_fit.assessment import swept
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.validation import walking_section as walking
-from vsf_drake.analysis.validation.study import Spread, spread, walk_trial
-from vsf_drake.analysis.validation.walking_curves import (
+from vsf_drake.analysis.validation.study import Spread, StudyOptions, spread, walk_trial
+from vsf_drake.analysis.validation.walking_section import (
     BOOTSTRAP,
     QUANTITIES,
-    SPM,
-    Ensemble,
-    bootstrap_band,
-    differing_regions,
-    ensembles,
-    free_moment_scores,
-    has_free_moment,
-    spm_version,
-    stance_free_moments,
-    walk_curves,
-)
-from vsf_drake.analysis.validation.walking_section import (
     QUICK_POSITIONS,
     SCORED,
-    angle_rows,
+    SPM,
+    bootstrap_band,
     condition,
+    corrected_deg,
+    differing_regions,
+    ensembles,
+    free_moment_rmse,
     lag,
+    lags_ms,
+    mean_curves,
     pearson,
-    pooled,
-    setting_name,
+    spm_version,
+    stance_free_moments,
     summary,
     sweep_entry,
-    sweep_study,
-    tracked_rotations,
+    walk_curves,
     walking_section,
 )
 from vsf_drake.report.validation.walking_chapter import walking_chapter
@@ -62,9 +56,9 @@ def swing(time):
     return 0.4 * np.sin(2.0 * np.pi * 0.9 * time) + 0.1 * np.cos(2.0 * np.pi * 1.8 * time)
 
 
-@pytest.mark.parametrize("delay", [0.0, 3.7e-3, -12.345e-3, 0.4e-3])
-def test_delay_between_two_samples_is_found(delay):
-    assert lag(TIME, swing(TIME - delay), swing(TIME)) == pytest.approx(delay, abs=2e-6)
+def test_delay_between_two_samples_is_found_whatever_scale_and_offset():
+    for delay in (0.0, 3.7e-3, -12.345e-3):
+        assert lag(TIME, 0.3 + 0.8 * swing(TIME - delay), swing(TIME)) == pytest.approx(delay, abs=2e-6)
 
 
 def test_first_order_filter_delays_a_sine_by_its_phase():
@@ -75,47 +69,20 @@ def test_first_order_filter_delays_a_sine_by_its_phase():
     assert lag(TIME[whole], followed[whole], np.sin(omega * TIME[whole])) == pytest.approx(phase / omega, abs=2e-5)
 
 
-def test_wrong_scale_and_offset_are_no_lag():
-    assert lag(TIME, 0.3 + 0.8 * swing(TIME), swing(TIME)) == pytest.approx(0.0, abs=1e-6)
-
-
-def test_lag_beyond_the_search_is_not_known():
+def test_lag_beyond_the_search_of_a_short_record_or_of_a_held_joint_is_not_known():
     ramp = np.sin(2.0 * np.pi * 0.5 * TIME)
     assert lag(TIME, np.sin(2.0 * np.pi * 0.5 * (TIME - 0.08)), ramp) is None
-
-
-def test_record_too_short_for_the_search_has_no_lag():
     assert lag(TIME[:90], swing(TIME[:90]), swing(TIME[:90])) is None
-
-
-def test_constant_error_of_one_joint_is_its_rmse_and_leaves_the_others_alone():
     walk = make_walk()
-    q = walk.q.copy()
-    q[:, walk.coordinate_names.index("knee_angle_r")] += np.radians(1.9)
-    found = {r.name: r for r in tracked_rotations(dataclasses.replace(walk, q=q))}
-    assert list(found) == ["hip_flexion_r", "knee_angle_r"]
-    assert found["knee_angle_r"].rmse_deg == pytest.approx(1.9)
-    assert found["hip_flexion_r"].rmse_deg == 0.0
-    commanded = walk.column("knee_angle_r")
-    assert found["knee_angle_r"].r2 == pytest.approx(1.0 - np.radians(1.9) ** 2 / np.var(commanded))
-    assert pooled(list(found.values())).angle_rmse_deg == pytest.approx(1.9 / np.sqrt(2.0))
+    commanded = walk.prescribed_q.copy()
+    commanded[:, 3] = 0.1
+    assert len(lags_ms(dataclasses.replace(walk, prescribed_q=commanded))) == len(lags_ms(walk)) - 1 == 1
 
 
-def test_joint_that_is_held_has_neither_lag_nor_r2():
-    walk = make_walk()
-    q, commanded = walk.q.copy(), walk.prescribed_q.copy()
-    q[:, 3], commanded[:, 3] = 0.1, 0.1
-    held = tracked_rotations(dataclasses.replace(walk, q=q, prescribed_q=commanded))[0]
-    assert (held.lag_ms, held.r2, held.rmse_deg) == (None, None, 0.0)
-    row = angle_rows({"a": [held]})[0]
-    assert row.lag_ms is None and row.r2 is None
-
-
-@pytest.mark.parametrize("i", range(3))
-def test_joints_follow_the_recording_within_a_hundredth_of_a_degree_and_without_lag(i):
+def test_joints_follow_the_recording_within_a_hundredth_of_a_degree_and_without_lag():
     """By a second way: the trajectory itself at the instants of the result, not the command that the walk kept."""
-    walk = embedded_study().walks[i]
-    names = [r.name for r in tracked_rotations(walk.result)]
+    walk = embedded_study().walks[1]
+    names = list(corrected_deg(walk.result, walk.trial.trajectory))
     wanted = walk.trial.trajectory.ordered(names).sample(walk.result.time_s)[0]
     followed = np.column_stack([walk.result.column(name) for name in names])
     assert np.degrees(np.sqrt(np.mean((followed - wanted) ** 2, axis=0))).max() < 0.01
@@ -125,12 +92,11 @@ def test_joints_follow_the_recording_within_a_hundredth_of_a_degree_and_without_
 
 def test_what_a_fit_corrected_is_told_apart_from_tracking():
     walk = embedded_study().walks[0]
-    found = {r.name: r for r in tracked_rotations(walk.result, walk.recorded.trajectory)}
+    found = corrected_deg(walk.result, walk.recorded.trajectory)
     shift = walk.trial.trajectory.ordered(("hip_adduction_r",)).values - walk.recorded.trajectory.ordered(
         ("hip_adduction_r",)).values
-    assert found["hip_adduction_r"].rmse_deg < 0.01
-    assert found["hip_adduction_r"].recording_rmse_deg == pytest.approx(np.degrees(abs(shift).mean()), rel=0.2)
-    assert found["hip_flexion_l"].recording_rmse_deg < 0.01
+    assert found["hip_adduction_r"] == pytest.approx(np.degrees(abs(shift).mean()), rel=0.2)
+    assert found["hip_flexion_l"] < 0.01
 
 
 with_spm = pytest.mark.skipif(spm_version() is None, reason="spm1d is an optional extra")
@@ -146,7 +112,7 @@ def made_ensemble(n, *, step=0.0, seed=3):
     measured = smooth(rng, n)
     model = measured + 0.3 * smooth(rng, n)
     model[:, 40:61] += step
-    return Ensemble(measured, model, tuple(map(str, range(n))))
+    return np.array([measured, model])
 
 
 @pytest.fixture
@@ -173,17 +139,11 @@ def test_smooth_noise_alone_crosses_the_threshold_of_the_curve_in_one_of_twenty_
 
 
 @with_spm
-def test_threshold_for_a_curve_is_above_that_for_a_point():
-    table, _ = differing_regions(made_ensemble(9), seed=(0,))
-    assert table.threshold > 2.306  # two-tailed 5 % point of Student's t with 8 degrees of freedom
-
-
-@with_spm
 def test_regions_are_where_the_t_of_each_point_exceeds_the_threshold():
-    ensemble = made_ensemble(9, step=1.0)
-    table, arrays = differing_regions(ensemble, seed=(0,))
-    t = ttest_rel(ensemble.model, ensemble.measured).statistic
-    assert arrays["t"] == pytest.approx(t, rel=1e-9)
+    measured, model = made_ensemble(9, step=1.0)
+    table, _ = differing_regions(np.array([measured, model]), seed=(0,))
+    assert table.threshold > 2.306  # two-tailed 5 % point of Student's t with 8 degrees of freedom, of one point
+    t = ttest_rel(model, measured).statistic
     above = np.flatnonzero(np.abs(t) > table.threshold)
     region, = table.regions
     assert region.start_percent == pytest.approx(above[0], abs=1.0)
@@ -191,9 +151,7 @@ def test_regions_are_where_the_t_of_each_point_exceeds_the_threshold():
 
 
 def test_without_spm1d_pointwise_bands_find_it_and_the_table_says_so(without_spm):
-    ensemble = made_ensemble(9, step=1.0)
-    table, arrays = differing_regions(ensemble, seed=(0,))
-    assert arrays["t"] == pytest.approx(ttest_rel(ensemble.model, ensemble.measured).statistic, rel=1e-9)
+    table, arrays = differing_regions(made_ensemble(9, step=1.0), seed=(0,))
     assert table.method == BOOTSTRAP
     assert "spm1d" in table.why
     assert table.threshold is None
@@ -219,22 +177,23 @@ def test_same_seed_same_band_and_another_seed_another():
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_fewer_than_three_walks_are_not_tested_and_have_a_mean_all_the_same(n):
-    ensemble = made_ensemble(n, step=1.0)
-    table, arrays = differing_regions(ensemble, seed=(0,))
+    measured, model = made_ensemble(n, step=1.0)
+    table, arrays = differing_regions(np.array([measured, model]), seed=(0,))
     assert table.method is None and table.regions == () and table.share is None
     assert str(n) in table.why
-    assert arrays["difference_mean"] == pytest.approx((ensemble.model - ensemble.measured).mean(axis=0))
+    difference = (model - measured).mean(axis=0)
+    assert arrays["difference_mean"] == pytest.approx(difference)
+    assert table.largest_difference == pytest.approx(difference[np.argmax(np.abs(difference))])
     assert np.isnan(arrays["difference_low"]).all()
 
 
 def test_points_that_a_walk_does_not_know_and_points_that_do_not_vary_are_left_out():
-    ensemble = made_ensemble(5)
-    ensemble.model[2, :3] = np.nan
-    ensemble.model[:, 99:] = ensemble.measured[:, 99:]
-    table, arrays = differing_regions(ensemble, seed=(0,))
-    assert table.compared_percent == (3.0, 98.0)
-    assert np.isnan(arrays["difference_mean"][:3]).all() and np.isnan(arrays["t"][99:]).all()
-    assert np.isfinite(arrays["t"][3:99]).all()
+    measured, model = made_ensemble(5)
+    model[2, :3] = np.nan
+    model[:, 99:] = measured[:, 99:]
+    _, arrays = differing_regions(np.array([measured, model]), seed=(0,))
+    assert np.isnan(arrays["difference_mean"][:3]).all() and np.isnan(arrays["difference_low"][99:]).all()
+    assert np.isfinite(arrays["difference_low"][3:99]).all()
 
 
 def test_curves_that_spm1d_refuses_have_bands(monkeypatch):
@@ -279,13 +238,11 @@ def test_curves_do_not_depend_on_the_direction_of_walking():
 
 def test_impulse_starts_at_zero_and_ends_at_the_integral_over_stance():
     walk = made_study_walk()
-    measured, model = walk_curves(walk)["impulse"]
     stance = walk.comparison.stances[0].measured
     time = np.linspace(stance.start_s, stance.end_s, 20001)
     exact = np.trapezoid(np.linalg.norm(walk_load(time), axis=1), time) / WEIGHT_N
-    assert measured[0] == model[0] == 0.0
-    assert measured[-1] == pytest.approx(exact, rel=2e-3)
-    assert model[-1] == pytest.approx(exact, rel=2e-3)
+    for curve in walk_curves(walk)["impulse"]:
+        assert curve[0] == 0.0 and curve[-1] == pytest.approx(exact, rel=2e-3)
 
 
 def test_shifted_centre_of_pressure_differs_by_the_shift_in_foot_lengths():
@@ -317,21 +274,17 @@ def test_stance_that_the_window_cuts_is_left_out():
     assert walk_curves(cut) == {}
 
 
-def test_ensemble_is_the_mean_and_sample_deviation_of_its_walks():
-    walks = {f"w{i}": walk_curves(made_study_walk(result=make_walk(scale=s))) for i, s in enumerate((0.9, 1.0, 1.3))}
-    arrays = ensembles(walks)["vertical"].arrays()
-    shape = walks["w1"]["vertical"][1]
+def test_ensemble_is_the_mean_and_sample_deviation_of_the_walks_that_have_the_quantity():
+    walks = [walk_curves(made_study_walk(result=make_walk(scale=s))) for s in (0.9, 1.0, 1.3)]
+    shape = walks[1]["vertical"][1]
+    blind = walk_curves(made_study_walk(plate=dataclasses.replace(make_plate(), has_cop=False)))
+    found = ensembles([*walks, {}])
+    arrays = mean_curves(found["vertical"])
     assert arrays["model_mean"] == pytest.approx(np.mean([0.9, 1.0, 1.3]) * shape, abs=1e-9)
     assert arrays["model_sd"] == pytest.approx(np.std([0.9, 1.0, 1.3], ddof=1) * np.abs(shape), abs=1e-9)
     assert arrays["measured_sd"] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_walk_without_a_quantity_does_not_enter_its_ensemble():
-    plate = dataclasses.replace(make_plate(), has_cop=False)
-    found = ensembles({"with": walk_curves(made_study_walk()), "without": walk_curves(made_study_walk(plate=plate)),
-                       "cut": {}})
-    assert found["cop"].labels == ("with",)
-    assert found["vertical"].labels == ("with", "without")
+    found = ensembles([*walks, blind, {}])
+    assert found["cop"].shape == (2, 3, 101) and found["vertical"].shape == (2, 4, 101)
     assert "free_moment" not in found
 
 
@@ -347,19 +300,13 @@ def pair(plate_nm, model_nm, **changes):
     return walk, plate
 
 
-def moment_scores(walk, plate):
-    return free_moment_scores(walk, plate, compare(walk, plate))
+def moment_rmse(walk, plate):
+    return free_moment_rmse(walk, plate, compare(walk, plate))
 
 
-def test_two_constant_moments_differ_by_their_difference():
-    found = moment_scores(*pair(3.0, 2.0))
-    assert found.free_moment_rmse_nm == pytest.approx(1.0, abs=1e-6)
-    assert found.free_moment_rmse_bwfl == pytest.approx(1.0 / (WEIGHT_N * FOOT_LENGTH_M), abs=1e-8)
-    assert found.free_moment_measured_peak_nm == pytest.approx(3.0, abs=1e-6)
-
-
-def test_moment_of_the_other_sign_is_not_forgiven():
-    assert moment_scores(*pair(2.0, -2.0)).free_moment_rmse_nm == pytest.approx(4.0, abs=1e-6)
+def test_two_constant_moments_differ_by_their_difference_and_no_sign_is_forgiven():
+    assert moment_rmse(*pair(3.0, 2.0)) == pytest.approx(1.0, abs=1e-6)
+    assert moment_rmse(*pair(2.0, -2.0)) == pytest.approx(4.0, abs=1e-6)
 
 
 def test_moment_is_not_compared_outside_the_simulated_time():
@@ -371,19 +318,16 @@ def test_moment_is_not_compared_outside_the_simulated_time():
     assert np.isfinite(measured[5:95]).all()
 
 
-@pytest.mark.parametrize("changes", [{"has_cop": False}, {"zero": True}])
-def test_moment_that_nobody_measured_has_no_error(changes):
+def test_moment_that_nobody_measured_has_no_error():
     walk, plate = pair(3.0, 2.0)
-    if changes.pop("zero", False):
-        plate = dataclasses.replace(plate, free_moment_nm=np.zeros(len(plate.time_s)))
-    else:
-        plate = dataclasses.replace(plate, **changes, cop_W=np.full_like(plate.cop_W, np.nan))
-    assert not has_free_moment(plate)
-    assert set(vars(moment_scores(walk, plate)).values()) == {None}
+    for changes in ({"free_moment_nm": np.zeros(len(plate.time_s))},
+                    {"has_cop": False, "cop_W": np.full_like(plate.cop_W, np.nan)}):
+        assert moment_rmse(walk, dataclasses.replace(plate, **changes)) is None
 
 
 def row(label, role="held out", **known):
-    return SimpleNamespace(**{"label": label, "role": role, "beats_null": None} | dict.fromkeys(SCORED) | known)
+    return SimpleNamespace(**{"label": label, "role": role, "beats_null": None, "null_model_grf_rmse_bw": None}
+                           | dict.fromkeys(SCORED) | known)
 
 
 ROWS = [row("a", grf_rmse_bw=0.02, stance_measured_s=0.70, stance_model_s=0.71, stance_error_s=0.01, beats_null=True),
@@ -408,26 +352,28 @@ def test_correlation_of_stance_times_is_pearsons_and_not_known_of_two_walks_or_o
 def test_worst_is_the_largest_in_size_with_its_sign_and_its_walk():
     found = summary(ROWS)
     assert (found.scores["grf_rmse_bw_worst"], found.scores["grf_rmse_bw_worst_trial"]) == (0.05, "b")
-    assert (found.scores["stance_error_s_worst"], found.scores["stance_error_s_worst_trial"]) == (-0.02, "b")
+    assert summary([row("d", impulse_rmse_bws=0.1), row("e", impulse_rmse_bws=-0.2)]).scores[
+        "impulse_rmse_bws_worst"] == -0.2
     assert (found.beats_null, found.beats_null_of) == (1, 2)
     assert found.scores["cop_rmse_fl_worst"] is None and found.scores["cop_rmse_fl"] is None
     assert summary([]) is None
 
 
 def test_condition_tells_fitted_and_held_out_walks_apart():
-    found = condition(66.0, ROWS, ("held out", "fitted", "offsets fitted"))
-    assert found.all.spreads["grf_rmse_bw"].n == 3
-    assert found.by_role["held out"].spreads["grf_rmse_bw"].mean == pytest.approx(0.035)
-    assert found.by_role["fitted"].spreads["grf_rmse_bw"] == Spread(0.01, None, 1)
-    assert found.by_role["offsets fitted"] is None
+    found = condition(66.0, ROWS).scores
+    assert list(found) == ["all", "held out", "fitted"] and found["all"].spreads["grf_rmse_bw"].n == 3
+    assert found["held out"].spreads["grf_rmse_bw"].mean == pytest.approx(0.035)
+    assert found["fitted"].spreads["grf_rmse_bw"] == Spread(0.01, None, 1)
+    assert list(condition(66.0, ROWS[:2]).scores) == ["held out"]
 
 
 @pytest.mark.parametrize(("fulcrum_mm", "name"), [(66.0, "low"), (108.0, "medium"), (150.4, "high"), (87.0, None)])
 def test_only_the_papers_three_settings_have_its_numbers(fulcrum_mm, name):
     """McGeehan 2021: resultant 10, 13, 14 % BW, CoP 8.9, 9.5, 5.7 % FL, stance 0.73, 0.79, 0.71 s (low to high)."""
     paper = {"low": (0.10, 0.089, 0.73, 0.02), "medium": (0.13, 0.095, 0.79, 0.01), "high": (0.14, 0.057, 0.71, 0.02)}
-    own = condition(fulcrum_mm, ROWS, ()).paper
-    assert setting_name(fulcrum_mm) == name
+    found = condition(fulcrum_mm, ROWS)
+    own = found.paper
+    assert found.name == name
     assert (own and (own.grf_rmse_bw, own.cop_rmse_fl, own.stance_measured_s, own.stance_measured_s_sd)
             ) == paper.get(name)
 
@@ -484,13 +430,6 @@ def test_walks_of_a_sweep_that_failed_are_unknown_and_said_with_the_reason(monke
     assert "not known of low_2" in Shown(walking_chapter(found.table, found.arrays)).words
 
 
-@pytest.mark.slow
-def test_sweep_is_the_same_to_the_last_digit_on_one_worker_and_on_two(section):
-    study = embedded_study()
-    two = sweep_study(dataclasses.replace(study, options=dataclasses.replace(study.options, workers=2)))
-    assert [sweep_entry(two[row.label]) for row in section.table.rows] == [row.sweep for row in section.table.rows]
-
-
 def test_rows_hold_the_walks_metrics_and_the_summary_their_mean(section):
     table = section.table
     for row, walk in zip(table.rows, embedded_study().walks, strict=True):
@@ -504,17 +443,16 @@ def test_rows_hold_the_walks_metrics_and_the_summary_their_mean(section):
     assert table.held_out.scores["grf_rmse_bw_worst"] == max(errors)
     assert table.fitted is None and table.offsets_fitted is None
     assert table.stance_n == 3 and table.stance_r > 0.99
-    assert table.angle_worst_deg < 0.01 and table.angle_r2 > 0.999999 and abs(table.angle_lag_ms) < 0.001
-    assert {row.rotation for row in table.angles} >= {"hip_flexion_r", "knee_angle_r", "pelvis_tilt"}
+    assert table.angle_rmse_deg < 0.01 and abs(table.angle_lag_ms) < 0.001
 
 
-def test_curves_of_every_walk_and_of_all_have_101_points_and_one_walk_no_deviation(section):
+def test_one_walk_a_condition_has_no_deviation_and_no_test(section):
     for name in QUANTITIES:
-        walks = [[section.arrays[f"walk_{i}_{name}_{side}"] for side in ("model", "measured")] for i in range(3)]
-        difference = np.mean([model - measured for model, measured in walks], axis=0)
-        assert difference.shape == section.arrays[f"group_0_{name}_model_mean"].shape == (101,)
+        means = [[section.arrays[f"group_{i}_{name}_{side}_mean"] for side in ("model", "measured")] for i in range(3)]
+        difference = np.mean([model - measured for model, measured in means], axis=0)
+        assert difference.shape == (101,)
         assert section.arrays[f"group_all_{name}_difference_mean"] == pytest.approx(difference, nan_ok=True)
-    assert all(own.all.spreads["grf_rmse_bw"].sd is None for own in section.table.conditions)
+    assert all(own.scores["held out"].spreads["grf_rmse_bw"].sd is None for own in section.table.conditions)
     assert any("no standard deviation" in sentence for sentence in section.missing)
     assert any("not tested at 66 mm, 108 mm, 151 mm" in sentence for sentence in section.missing)
 
@@ -528,8 +466,8 @@ def test_one_bare_trial_has_its_numbers_and_names_what_is_not_there(monkeypatch)
     found = of_one(with_plate(walk, force_W=force, has_cop=False, cop_W=np.full_like(plate.cop_W, np.nan),
                               free_moment_nm=np.zeros_like(plate.free_moment_nm)))
     row, = found.table.rows
-    for key in ("cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2", "free_moment_rmse_nm", "free_moment_r2",
-                "medio_lateral_rmse_bw", "beats_null"):
+    for key in ("cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2", "free_moment_rmse_nm", "medio_lateral_rmse_bw",
+                "beats_null"):
         assert getattr(row, key) is None, key
     assert row.grf_rmse_bw == pytest.approx(walk.metrics.grf_rmse_bw, rel=0.1)
     assert found.table.stance_r is None and found.table.stance_n == 1
@@ -553,7 +491,6 @@ def test_stance_that_the_window_cuts_has_errors_and_no_curves(monkeypatch):
         walk, recorded=recorded, trial=trial, result=result, comparison=comparison,
         metrics=walk_metrics(result, recorded.prosthetic_plate, comparison=comparison)))
     row, = found.table.rows
-    assert (row.stances, row.whole_stances) == (1, 0)
     assert row.grf_rmse_bw is not None and row.stance_model_s is None
     assert found.table.differences == () and found.arrays == {}
     assert any("as a whole" in sentence for sentence in found.missing)
@@ -566,11 +503,11 @@ def test_laboratory_trials_that_the_fit_has_not_seen_are_predicted_as_the_fit_fo
     said = next(text for text in study.contact.verdict if "held-out trials" in text)
     mean, worst = (float(number) / 100.0 for number in re.findall(r"([0-9.]+) %", said)[:1] + re.findall(
         r"at worst ([0-9.]+)", said))
-    table = walking_section(study).table
+    few = dataclasses.replace(study, options=StudyOptions(quick=True, workers=1))  # positions in the sweep
+    table = walking_section(few).table
     assert table.held_out.n == 7 and table.fitted.n == 2
     assert table.held_out.scores["grf_rmse_bw"] == pytest.approx(mean, abs=0.00051)
     assert table.held_out.scores["grf_rmse_bw_worst"] == pytest.approx(worst, abs=0.00051)
     assert table.sweeps_right == table.sweeps == 9
     for own in table.conditions:
-        assert own.all.spreads["grf_rmse_bw"].mean < own.paper.grf_rmse_bw
-        assert own.all.spreads["grf_rmse_bw"].sd is not None
+        assert next(iter(own.scores.values())).spreads["grf_rmse_bw"].mean < own.paper.grf_rmse_bw

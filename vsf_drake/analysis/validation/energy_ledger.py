@@ -158,8 +158,8 @@ def distal_power(reaction: FootReaction, twist: np.ndarray) -> np.ndarray:
 #
 # The recorded motion prescribes where the limb goes, so that a stiffer foot under the same motion is pressed as far and
 # bears more. A person carries the same weight on either. Here the motion is changed by a perturbation of the pelvis'
-# height until the vertical force on the prosthetic foot is that of the walk at the trial's own position; all else stays.
-# It is found by Newton's method instant by instant, with how the force depends on the height.
+# height until the vertical force on the prosthetic foot is that of the walk at the trial's own position. It is
+# found by Newton's method instant by instant, with how the force depends on the height.
 
 _HEIGHT = "pelvis_ty"
 _MOST_WALKS = 8

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import importlib
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +13,12 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
 from vsf_drake.analysis.comparison import (
-    r_squared,
+    PERCENT,
+    Comparison,
+    StanceComparison,
+    cumulative_integral,
+    filtered_while_loaded,
+    percent_instants,
     rmse,
     uniform_grid,
 )
@@ -30,36 +37,17 @@ from vsf_drake.analysis.validation.study import (
     rms,
     spread,
 )
-from vsf_drake.analysis.validation.walking_curves import (
-    BOOTSTRAP,
-    LEAST_WALKS,
-    QUANTITIES,
-    Ensemble,
-    FreeMomentScores,
-    Tested,
-    differing_regions,
-    ensembles,
-    free_moment_scores,
-    spm_version,
-    walk_curves,
-)
+from vsf_drake.errors import raise_if_interrupted
 from vsf_drake.files import flat, plain
+from vsf_drake.motion.events import longest_run, runs
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
+from vsf_drake.parameters import GRAVITY
 from vsf_drake.sentences import say
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
-
-
-@dataclass(frozen=True, kw_only=True)
-class AngleScores:
-    """Over rotations; None where nothing is known."""
-
-    angle_rmse_deg: float | None
-    angle_r2: float | None  # each about its own mean
-    angle_lag_ms: float | None  # of largest size
-    angle_recording_rmse_deg: float | None  # against the recording, before a fit corrected it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,22 +59,18 @@ class SweepEntry(FulcrumSweep):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkRow(FreeMomentScores, AngleScores):
-    """A walk's numbers; those from `grf_rmse_bw` to `synthetic` are defined by `analysis.metrics`."""
+class WalkRow:
+    """A walk's numbers; those from `grf_rmse_bw` to `null_model_grf_rmse_bw` are defined by `analysis.metrics`."""
 
     label: str
     role: str
     fulcrum_mm: float
-    setting: str | None  # the paper's name of the position
     grf_rmse_bw: float | None
     grf_r2: float | None
     impulse_rmse_bws: float | None
-    impulse_r2: float | None
-    vertical_impulse_error: float | None
     cop_rmse_fl: float | None
     cop_ml_rmse_fl: float | None
     cop_r2: float | None
-    cop_points: int | None
     stance_measured_s: float | None
     stance_model_s: float | None
     heel_strike_error_s: float | None
@@ -95,17 +79,10 @@ class WalkRow(FreeMomentScores, AngleScores):
     fore_aft_rmse_bw: float | None
     medio_lateral_rmse_bw: float | None
     null_model_grf_rmse_bw: float | None
-    coverage: float | None
-    extra_model_stances: int
-    unconverged_steps: int
-    converged: bool
-    synthetic: bool
-    stances: int
-    whole_stances: int
     stance_error_s: float | None
     beats_null: bool | None
+    free_moment_rmse_nm: float | None  # over all stances; None where the plate has no centre of pressure or none of it
     sweep: SweepEntry | None
-    warnings: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,18 +97,6 @@ class PaperCondition:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Published:
-    """What is known of the paper."""
-
-    doi: str
-    fitted_grf_rmse_bw: float
-    impulse_rmse_bws: tuple[float, float]
-    angle_rmse_deg: float
-    angle_r2: float
-    conditions: Mapping[str, PaperCondition]
-
-
-@dataclass(frozen=True, kw_only=True)
 class ScoreSpreads:
     """Over some walks, by the keys of SCORED."""
 
@@ -141,54 +106,27 @@ class ScoreSpreads:
 
 @dataclass(frozen=True, kw_only=True)
 class WalkingCondition:
-    """A row of Table 3: all walks at one fulcrum position, the same by role (None without such a walk), the paper's."""
+    """The rows of Table 3 at one fulcrum position: by role, all walks before them if there are several, the paper's."""
 
     fulcrum_mm: float
     name: str | None
-    labels: tuple[str, ...]
-    all: ScoreSpreads
-    by_role: Mapping[str, ScoreSpreads | None]
+    scores: Mapping[str, ScoreSpreads]
     paper: PaperCondition | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class RoleSummary:
-    """Over the walks of one role. `scores` are the mean of every key of SCORED under its own name, and of WORST that of
-    largest size (`_worst`) with its walk's label (`_worst_trial`)."""
+    """Over the walks of one role: by key of WORST and for the null model the mean, of the former also that of largest
+    size (`_worst`) with its walk's label (`_worst_trial`)."""
 
     n: int
     beats_null: int
     beats_null_of: int
-    stance_r: float | None  # Pearson's, of the stance times
-    stance_n: int
     scores: Mapping[str, float | str | None] = flat()
 
 
 @dataclass(frozen=True, kw_only=True)
-class AngleRow:
-    """One rotation over all walks."""
-
-    rotation: str
-    n: int
-    r2: float | None  # the least
-    range_deg: float
-    rmse_deg: float | None
-    lag_ms: float | None
-    recording_rmse_deg: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroupDifference(Tested):
-    """The same of one quantity in one group."""
-
-    group: int | str  # the place in `conditions`, or "all"
-    quantity: str
-    unit: str
-    labels: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class WalkingTable(AngleScores):
+class WalkingTable:
     """The walking section; conditions are softest first, summaries None without a walk of that role."""
 
     rows: tuple[WalkRow, ...]
@@ -198,65 +136,56 @@ class WalkingTable(AngleScores):
     offsets_fitted: RoleSummary | None
     stance_r: float | None  # Pearson's over all walks
     stance_n: int
-    angle_worst_deg: float | None
-    angles: tuple[AngleRow, ...]
+    angle_rmse_deg: float | None  # prescribed rotations, followed against commanded
+    angle_lag_ms: float | None  # of largest size
+    angle_recording_rmse_deg: float | None  # against the recording, before a fit corrected it
     sweeps: int  # fulcrum sweeps that name a position
     sweeps_right: int  # and the right one
-    sweep_failures: Mapping[str, int]  # by walk, how many positions have no error
     spm1d: str | None  # its version
     difference_method: str | None
     differences: tuple[GroupDifference, ...]
-    units: Mapping[str, str]  # of the curves
-    paper: Published
-    quick: bool
     synthetic: bool
-    contact: str | None
 
 
 def walking_section(study: Study, *, progress: Progress | None = None) -> Section[WalkingTable]:
     """Every number of Table 3, per walk and per condition, and curves.
 
-    Arrays (101 points of the measured stance; G is a group, Q one of QUANTITIES): `walk_I_Q_measured`,
-    `walk_I_Q_model` of row I; `group_G_Q_measured_mean`, `_measured_sd`, `_model_mean`, `_model_sd`, and those of
-    `differing_regions` likewise.
+    Arrays (101 points of the measured stance; G is a group, Q one of QUANTITIES): `group_G_Q_measured_mean`,
+    `_measured_sd`, `_model_mean`, `_model_sd`, and those of `differing_regions` likewise.
     """
     show = progress or (lambda what, fraction: None)
     failures: dict[str, list[str]] = {}
     sweeps = sweep_study(study, progress=lambda what, f: show(what, 0.8 * f), failures=failures)
     show("comparing curves", 0.8)
-    rotations = {walk.label: tracked_rotations(walk.result, walk.recorded.trajectory) for walk in study.walks}
-    rows = [_walk_row(walk, rotations[walk.label], sweeps[walk.label]) for walk in study.walks]
+    rows = [_walk_row(walk, sweeps[walk.label]) for walk in study.walks]
     curves = {walk.label: walk_curves(walk) for walk in study.walks}
-    conditions = [condition(x, [row for row in rows if row.fulcrum_mm == x], ROLES) for x in study.conditions()]
-    arrays = {f"walk_{i}_{name}_{side}": curve for i, own in enumerate(curves.values()) for name, both in own.items()
-              for side, curve in zip(("measured", "model"), both, strict=True)}
-    groups: dict[int | str, Mapping[str, Ensemble]] = {
-        i: ensembles({label: curves[label] for label in own.labels}) for i, own in enumerate(conditions)}
-    if len(conditions) > 1:
-        groups["all"] = ensembles(curves)
-    differences = []
+    by_position = {x: [row for row in rows if row.fulcrum_mm == x] for x in study.conditions()}
+    groups: dict[int | str, dict[str, np.ndarray]] = {
+        i: ensembles([curves[row.label] for row in own]) for i, own in enumerate(by_position.values())}
+    if len(groups) > 1:
+        groups["all"] = ensembles([*curves.values()])
+    differences, arrays = [], dict[str, np.ndarray]()
     for i, (group, quantities) in enumerate(groups.items()):
-        for name, ensemble in quantities.items():
-            tested, more = differing_regions(ensemble, seed=(study.options.seed, i, list(QUANTITIES).index(name)))
-            arrays |= {f"group_{group}_{name}_{key}": value for key, value in (ensemble.arrays() | more).items()}
-            differences.append(GroupDifference(
-                **vars(tested), group=group, quantity=name, unit=QUANTITIES[name], labels=ensemble.labels))
+        for name, both in quantities.items():
+            tested, more = differing_regions(both, seed=(study.options.seed, i, list(QUANTITIES).index(name)))
+            arrays |= {f"group_{group}_{name}_{key}": value for key, value in (mean_curves(both) | more).items()}
+            differences.append(GroupDifference(**vars(tested), group=group, quantity=name))
     stance_r, stance_n = pearson(rows, "stance_measured_s", "stance_model_s")
-    method, quick = next((d.method for d in differences if d.method), None), study.options.quick
-    lost = {label: len(reasons) for label, reasons in failures.items()}
+    method = next((d.method for d in differences if d.method), None)
     held_out, fitted, offsets_fitted = (summary([row for row in rows if row.role == role]) for role in ROLES)
-    every = [r for own in rotations.values() for r in own]
     right = [row.sweep.right for row in rows if row.sweep is not None]
     table = WalkingTable(
-        rows=tuple(rows), conditions=tuple(conditions), held_out=held_out, fitted=fitted,
-        offsets_fitted=offsets_fitted, stance_r=stance_r, stance_n=stance_n, **vars(pooled(every)),
-        angle_worst_deg=max((r.rmse_deg for r in every), default=None), angles=tuple(angle_rows(rotations)),
-        sweeps=sum(one is not None for one in right), sweeps_right=right.count(True), sweep_failures=lost,
-        spm1d=spm_version(), difference_method=method, differences=tuple(differences), units=QUANTITIES,
-        paper=PUBLISHED, quick=quick, synthetic=any(walk.trial.synthetic for walk in study.walks),
-        contact=study.contact_name or None)
+        rows=tuple(rows), conditions=tuple(condition(x, own) for x, own in by_position.items()), held_out=held_out,
+        fitted=fitted, offsets_fitted=offsets_fitted, stance_r=stance_r, stance_n=stance_n,
+        angle_rmse_deg=finite(rms(walk.metrics.angle_rmse_deg for walk in study.walks)),
+        angle_lag_ms=max((ms for walk in study.walks for ms in lags_ms(walk.result)), key=abs, default=None),
+        angle_recording_rmse_deg=finite(rms(
+            error for walk in study.walks for error in corrected_deg(walk.result, walk.recorded.trajectory).values())),
+        sweeps=sum(one is not None for one in right), sweeps_right=right.count(True), spm1d=spm_version(),
+        difference_method=method, differences=tuple(differences),
+        synthetic=any(walk.trial.synthetic for walk in study.walks))
     show("comparing curves", 1.0)
-    single, few = ([f"{own.fulcrum_mm:g} mm" for own in conditions if own.all.n < n] for n in (2, LEAST_WALKS))
+    single, few = ([f"{x:g} mm" for x, own in by_position.items() if len(own) < n] for n in (2, LEAST_WALKS))
     lacking = {
         "stances": [label for label, own in curves.items() if not own],
         "cop": [walk.label for walk in study.walks if not walk.recorded.prosthetic_plate.has_cop],
@@ -266,59 +195,32 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     first = next((reasons[0] for reasons in failures.values()), "")
     return Section(table=table, arrays=arrays, missing=tuple(say(
         "walking", "missing", single=single, few=few, lacking=lacking, fewest=LEAST_WALKS, fewest_r=LEAST_FOR_R,
-        gone=[f"{name} ({own.fulcrum_mm:g} mm)" for name, own in PUBLISHED.conditions.items()
-              if name not in {row.name for row in conditions}],
-        stance_n=stance_n if stance_r is None else None, pointwise=method == BOOTSTRAP, quick=quick,
-        walks=sum(len(row.sweep.fulcrum_mm) for row in rows if row.sweep is not None), lost=lost,
+        gone=[f"{name} ({own.fulcrum_mm:g} mm)" for name, own in PUBLISHED.items()
+              if name not in {row.name for row in table.conditions}],
+        stance_n=stance_n if stance_r is None else None, pointwise=method == BOOTSTRAP, quick=study.options.quick,
+        walks=sum(len(row.sweep.fulcrum_mm) for row in rows if row.sweep is not None),
+        lost={label: len(reasons) for label, reasons in failures.items()},
         first=" ".join(first.split())[:300].rstrip("."))))
 
 
-# One row a walk, and the tracking of angles over all walks.
-
 _TAKEN = [one.name for one in dataclasses.fields(WalkRow)]
-_TAKEN = _TAKEN[_TAKEN.index("grf_rmse_bw") : _TAKEN.index("synthetic") + 1]
+_TAKEN = _TAKEN[_TAKEN.index("grf_rmse_bw") : _TAKEN.index("null_model_grf_rmse_bw") + 1]
 """What a row takes from the walk's metrics as it is."""
 
 
-def _walk_row(walk: StudyWalk, rotations: Sequence[Rotation], sweep: FulcrumSweep) -> WalkRow:
+def _walk_row(walk: StudyWalk, sweep: FulcrumSweep) -> WalkRow:
     metrics = walk.metrics
     measured, model, null = metrics.stance_measured_s, metrics.stance_model_s, metrics.null_model_grf_rmse_bw
     return WalkRow(
-        label=walk.label, role=walk.role, fulcrum_mm=walk.fulcrum_mm, setting=setting_name(walk.fulcrum_mm),
-        **{key: plain(getattr(metrics, key)) for key in _TAKEN}, stances=len(walk.comparison.stances),
-        whole_stances=sum(s.inside for s in walk.comparison.stances),
+        label=walk.label, role=walk.role, fulcrum_mm=walk.fulcrum_mm,
+        **{key: plain(getattr(metrics, key)) for key in _TAKEN},
         stance_error_s=None if measured is None or model is None else model - measured,
         beats_null=None if null is None or metrics.grf_rmse_bw is None else metrics.grf_rmse_bw < null,
-        **vars(free_moment_scores(walk.result, walk.recorded.prosthetic_plate, walk.comparison)),
-        **vars(pooled(rotations)), sweep=sweep_entry(sweep), warnings=walk.warnings)
+        free_moment_rmse_nm=free_moment_rmse(walk.result, walk.recorded.prosthetic_plate, walk.comparison),
+        sweep=sweep_entry(sweep))
 
 
-def pooled(rotations: Sequence[Rotation]) -> AngleScores:
-    """Over rotations of one walk or of several."""
-    errors, about_mean = np.array([r.squares for r in rotations]).reshape(-1, 2).sum(axis=0)
-    return AngleScores(
-        angle_rmse_deg=finite(rms(r.rmse_deg for r in rotations)),
-        angle_r2=float(1.0 - errors / about_mean) if about_mean > 0.0 else None,
-        angle_lag_ms=max((r.lag_ms for r in rotations if r.lag_ms is not None), key=abs, default=None),
-        angle_recording_rmse_deg=finite(rms(r.recording_rmse_deg for r in rotations)))
-
-
-def angle_rows(by_walk: Mapping[str, Sequence[Rotation]]) -> list[AngleRow]:
-    """A row a rotation, over all walks."""
-    by_name: dict[str, list[Rotation]] = {}
-    for r in (r for rotations in by_walk.values() for r in rotations):
-        by_name.setdefault(r.name, []).append(r)
-    rows = []
-    for name, own in by_name.items():
-        scores = pooled(own)
-        rows.append(AngleRow(
-            rotation=name, n=len(own), r2=min((r.r2 for r in own if r.r2 is not None), default=None),
-            range_deg=float(np.mean([r.range_deg for r in own])), rmse_deg=scores.angle_rmse_deg,
-            lag_ms=scores.angle_lag_ms, recording_rmse_deg=scores.angle_recording_rmse_deg))
-    return rows
-
-
-# How well the joints follow what they were told: error, R² and phase lag of every prescribed rotation.
+# How well the joints follow what they were told: phase lag, and what a fit changed of the recorded angles.
 
 LARGEST_LAG_S = 0.05
 """Lags are looked for up to this much early or late."""
@@ -326,37 +228,21 @@ _LEAST_RANGE_RAD = np.radians(0.5)
 """A rotation that varies less has no lag worth a number."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rotation:
-    """One prescribed rotation of one walk."""
-
-    name: str
-    rmse_deg: float  # followed against commanded
-    r2: float | None  # the same; None where the command does not vary
-    lag_ms: float | None  # of the followed angle behind the commanded one; None where the command hardly varies
-    range_deg: float  # of the command
-    squares: tuple[float, float]  # sums, rad²: of squared errors, and of the command about its mean
-    recording_rmse_deg: float | None  # followed against the recording, before a fit corrected it
+def lags_ms(result: WalkResult) -> list[float]:
+    """Of the followed behind the commanded angle, for every prescribed rotation that varies and of which it is known.
+    """
+    found = [lag(result.time_s, result.column(name), commanded)
+             for name, commanded in zip(result.prescribed_names, result.prescribed_q.T, strict=True)
+             if coordinate_unit(name) == "rad" and np.ptp(commanded) >= _LEAST_RANGE_RAD]
+    return [1e3 * late for late in found if late is not None]
 
 
-def tracked_rotations(result: WalkResult, recorded: CoordinateTrajectory | None = None) -> tuple[Rotation, ...]:
-    """Every prescribed rotation of a walk, in the model's order; `recorded` is what the laboratory wrote, over at least
-    the walk's time, as a fit may have changed the command."""
-    rotations = []
-    for i, name in enumerate(result.prescribed_names):
-        if coordinate_unit(name) != "rad":
-            continue
-        followed, commanded = result.column(name), result.prescribed_q[:, i]
-        reach, r2 = float(np.ptp(commanded)), r_squared(followed, commanded)
-        late = None if reach < _LEAST_RANGE_RAD else lag(result.time_s, followed, commanded)
-        first = None
-        if recorded is not None and name in recorded.names:
-            first = float(np.degrees(rmse(followed, recorded.ordered((name,)).sample(result.time_s)[0][:, 0])))
-        rotations.append(Rotation(
-            name=name, rmse_deg=float(np.degrees(rmse(followed, commanded))), r2=r2 if np.isfinite(r2) else None,
-            lag_ms=None if late is None else 1e3 * late, range_deg=float(np.degrees(reach)), recording_rmse_deg=first,
-            squares=(float(np.sum((followed - commanded) ** 2)), float(np.sum((commanded - commanded.mean()) ** 2)))))
-    return tuple(rotations)
+def corrected_deg(result: WalkResult, recorded: CoordinateTrajectory) -> dict[str, float]:
+    """RMS difference of each rotation from what the laboratory wrote, over at least the walk's time: a fit may have
+    changed the command."""
+    return {name: float(np.degrees(rmse(
+        result.column(name), recorded.ordered((name,)).sample(result.time_s)[0][:, 0])))
+        for name in result.prescribed_names if coordinate_unit(name) == "rad" and name in recorded.names}
 
 
 def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray) -> float | None:
@@ -394,25 +280,21 @@ def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray) -> floa
 # Numbers over several walks: mean, standard deviation and worst, by condition and by role, and the paper's.
 
 SCORED = (
-    "grf_rmse_bw", "grf_r2", "impulse_rmse_bws", "impulse_r2", "cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2",
-    "stance_measured_s", "stance_model_s", "stance_error_s", "heel_strike_error_s", "toe_off_error_s",
-    "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "free_moment_rmse_nm", "free_moment_rmse_bwfl",
-    "free_moment_r2", "null_model_grf_rmse_bw", "angle_rmse_deg", "angle_lag_ms")
-"""Keys of a row that are averaged over walks."""
-WORST = ("grf_rmse_bw", "impulse_rmse_bws", "cop_rmse_fl", "cop_ml_rmse_fl", "stance_error_s", "vertical_rmse_bw",
-         "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "free_moment_rmse_nm", "free_moment_rmse_bwfl")
+    "grf_rmse_bw", "grf_r2", "impulse_rmse_bws", "cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2", "stance_measured_s",
+    "stance_model_s", "heel_strike_error_s", "toe_off_error_s", "vertical_rmse_bw", "fore_aft_rmse_bw",
+    "medio_lateral_rmse_bw", "free_moment_rmse_nm")
+"""Keys of a row that are averaged over the walks of a condition."""
+WORST = ("grf_rmse_bw", "impulse_rmse_bws", "cop_rmse_fl")
 LEAST_FOR_R = 3
 """Walks that a correlation needs."""
-PUBLISHED = Published(
-    doi="10.1115/1.4050456", fitted_grf_rmse_bw=0.053, impulse_rmse_bws=(0.01, 0.05), angle_rmse_deg=1.9, angle_r2=0.98,
-    conditions={
-        "low": PaperCondition(fulcrum_mm=66.0, grf_rmse_bw=0.10, cop_rmse_fl=0.089, stance_measured_s=0.73,
-                              stance_measured_s_sd=0.02),
-        "medium": PaperCondition(fulcrum_mm=108.0, grf_rmse_bw=0.13, cop_rmse_fl=0.095, stance_measured_s=0.79,
-                                 stance_measured_s_sd=0.01),
-        "high": PaperCondition(fulcrum_mm=151.0, grf_rmse_bw=0.14, cop_rmse_fl=0.057, stance_measured_s=0.71,
-                               stance_measured_s_sd=0.02)})
-"""McGeehan 2021, as far as known here: its Table 3 itself is not, so that what is missing stays empty."""
+PUBLISHED = {
+    "low": PaperCondition(fulcrum_mm=66.0, grf_rmse_bw=0.10, cop_rmse_fl=0.089, stance_measured_s=0.73,
+                          stance_measured_s_sd=0.02),
+    "medium": PaperCondition(fulcrum_mm=108.0, grf_rmse_bw=0.13, cop_rmse_fl=0.095, stance_measured_s=0.79,
+                             stance_measured_s_sd=0.01),
+    "high": PaperCondition(fulcrum_mm=151.0, grf_rmse_bw=0.14, cop_rmse_fl=0.057, stance_measured_s=0.71,
+                           stance_measured_s_sd=0.02)}
+"""McGeehan 2021 (doi 10.1115/1.4050456), as far as known here: its Table 3 itself is not."""
 _SAME_SETTING_MM = 1.0
 
 
@@ -425,39 +307,29 @@ def pearson(rows: Sequence[WalkRow], a: str, b: str) -> tuple[float | None, int]
     return float(np.corrcoef(pairs.T)[0, 1]), len(pairs)
 
 
-def setting_name(fulcrum_mm: float) -> str | None:
-    """The paper's name of a fulcrum position, None for one that the paper did not walk on."""
-    return next((name for name, own in PUBLISHED.conditions.items()
-                 if abs(own.fulcrum_mm - fulcrum_mm) <= _SAME_SETTING_MM), None)
-
-
-def condition(fulcrum_mm: float, rows: Sequence[WalkRow], roles: Sequence[str]) -> WalkingCondition:
-    """All walks at one fulcrum position."""
-    def scores(own: Sequence[WalkRow]) -> ScoreSpreads:
-        return ScoreSpreads(n=len(own), spreads={key: spread(getattr(row, key) for row in own) for key in SCORED})
-
-    by_role = {role: [row for row in rows if row.role == role] for role in roles}
-    name = setting_name(fulcrum_mm)
+def condition(fulcrum_mm: float, rows: Sequence[WalkRow]) -> WalkingCondition:
+    """All walks at one fulcrum position; the paper's name is None for one that the paper did not walk on."""
+    by_role = {role: own for role in ROLES if (own := [row for row in rows if row.role == role])}
+    name = next((name for name, own in PUBLISHED.items() if abs(own.fulcrum_mm - fulcrum_mm) <= _SAME_SETTING_MM), None)
     return WalkingCondition(
-        fulcrum_mm=fulcrum_mm, name=name, labels=tuple(row.label for row in rows), all=scores(rows),
-        by_role={role: scores(own) if own else None for role, own in by_role.items()},
-        paper=PUBLISHED.conditions[name] if name else None)
+        fulcrum_mm=fulcrum_mm, name=name, paper=PUBLISHED[name] if name else None, scores={
+            source: ScoreSpreads(n=len(own), spreads={key: spread(getattr(row, key) for row in own) for key in SCORED})
+            for source, own in (({"all": rows} if len(by_role) > 1 else {}) | by_role).items()})
 
 
 def summary(rows: Sequence[WalkRow]) -> RoleSummary | None:
     """Over walks of one role; None without a walk."""
     if not rows:
         return None
-    scores: dict[str, float | str | None] = {key: spread(getattr(row, key) for row in rows).mean for key in SCORED}
+    scores: dict[str, float | str | None] = {
+        key: spread(getattr(row, key) for row in rows).mean for key in (*WORST, "null_model_grf_rmse_bw")}
     for key in WORST:
         _, worst, label = max(((abs(value), value, row.label) for row in rows
                                if (value := getattr(row, key)) is not None),
                               key=lambda item: item[0], default=(None, None, None))
         scores |= {f"{key}_worst": worst, f"{key}_worst_trial": label}
     beaten = [row.beats_null for row in rows if row.beats_null is not None]
-    stance_r, stance_n = pearson(rows, "stance_measured_s", "stance_model_s")
-    return RoleSummary(n=len(rows), beats_null=sum(beaten), beats_null_of=len(beaten), stance_r=stance_r,
-                       stance_n=stance_n, scores=scores)
+    return RoleSummary(n=len(rows), beats_null=sum(beaten), beats_null_of=len(beaten), scores=scores)
 
 
 # The fulcrum sweep of the validation: every walk again with the fulcrum moved over its carriage.
@@ -504,3 +376,224 @@ def _error(outcome: WalkOutcome) -> tuple[float, str]:
     except ValueError as problem:  # no instant in common with the plate
         return float("nan"), str(problem)
     return (float("nan"), "no stance was simulated") if error is None else (float(error), "")
+
+
+# Curves over 101 points of the measured stance, and their mean and standard deviation over walks.
+#
+# Model and plate at the same instants: 0 and 100 % are the plate's heel strike and toe-off. A walk counts once, with
+# the mean of its whole stances; a stance that the window cuts is left out.
+
+QUANTITIES = {
+    "resultant": "BW", "vertical": "BW", "fore_aft": "BW", "medio_lateral": "BW", "impulse": "BW s", "cop": "FL",
+    "free_moment": "N m"}
+"""Curves by name, with their unit: forces at 40 Hz; fore-aft forward +, medio-lateral left +; impulse of the resultant
+from heel strike; centre of pressure at 6 Hz, fore-aft, ahead of the plate's rearmost one; free moment up +, 6 Hz."""
+Curves = dict[str, np.ndarray]
+"""Of one walk by quantity, (2, 101) measured and the model's."""
+
+
+def walk_curves(walk: StudyWalk) -> Curves:
+    """Curves of a walk, the mean of its whole stances; without the quantities that were not measured."""
+    parts = [_stance_curves(walk, stance) for stance in walk.comparison.stances if stance.inside]
+    return {name: np.mean([part[name] for part in parts], axis=0) for name in parts[0]} if parts else {}
+
+
+def ensembles(curves: Sequence[Curves]) -> dict[str, np.ndarray]:
+    """(2, n, 101) by quantity, over the walks that have it; without the quantities that none has."""
+    return {name: np.stack(own, axis=1) for name in QUANTITIES if (own := [one[name] for one in curves if name in one])}
+
+
+def mean_curves(both: np.ndarray) -> dict[str, np.ndarray]:
+    """(101,) mean and sample SD of an ensemble's sides: `measured_mean`, `measured_sd`, `model_mean`, `model_sd`; NaN
+    where not every walk knows it, so that no mean jumps. The SD of a single walk is NaN throughout."""
+    arrays = {}
+    for side, curves in zip(("measured", "model"), both, strict=True):
+        arrays[f"{side}_mean"] = curves.mean(axis=0)
+        arrays[f"{side}_sd"] = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.full(len(PERCENT), np.nan)
+    return arrays
+
+
+def _stance_curves(walk: StudyWalk, stance: StanceComparison) -> Curves:
+    c, result, plate = walk.comparison, walk.result, walk.recorded.prosthetic_plate
+    instants = percent_instants(stance.measured)
+
+    def both(series: Iterable[np.ndarray]) -> np.ndarray:
+        return np.array([np.interp(instants, c.time_s, one) for one in series])
+
+    forces = [force / (result.subject_mass_kg * GRAVITY) for force in (c.measured, c.model)]
+    resultants = [np.linalg.norm(force, axis=1) for force in forces]
+    impulses = both(cumulative_integral(resultant, c.step_s) for resultant in resultants)
+    curves = {"resultant": both(resultants), "impulse": impulses - impulses[:, :1]}
+    for i, name in ((2, "vertical"), (0, "fore_aft"), (1, "medio_lateral")):
+        if name != "medio_lateral" or np.any(plate.force_W[:, 1]):
+            curves[name] = both(force[:, i] for force in forces)
+    cop = np.array([stance.measured_cop[:, 0], stance.model_cop[:, 0]])
+    if plate.has_cop and np.isfinite(cop[0]).any():
+        curves["cop"] = (cop - np.nanmin(cop[0])) / result.foot_length_m
+    if has_free_moment(plate):
+        curves["free_moment"] = stance_free_moments(result, plate, stance)
+    return curves
+
+
+# The free moment, model beside plate: the couple about the vertical that is left at the centre of pressure.
+#
+# About the vertical up through each one's own centre of pressure, acting on the person (Winter 2009; a plate's own
+# definition). Both are low-passed at 6 Hz inside each loaded interval and taken at 101 points of the measured stance,
+# as the centre of pressure is, and where that can be compared. It needs a centre of pressure: about another point the
+# moment is another quantity.
+
+
+def has_free_moment(plate: PlateRecording) -> bool:
+    """Whether the plate measured one: it has a centre of pressure, and the moment is not zero throughout."""
+    return bool(plate.has_cop and np.any(plate.free_moment_nm))
+
+
+def stance_free_moments(result: WalkResult, plate: PlateRecording, stance: StanceComparison) -> np.ndarray:
+    """(2, 101) measured and the model's, N m, at 0-100 % of a measured stance; NaN where there is nothing."""
+    instants = percent_instants(stance.measured)
+    moments = np.array([
+        filtered_while_loaded(of.free_moment_nm[:, None], of.time_s, force[:, 2], of.cop_W, instants)[:, 0]
+        for of, force in ((plate, plate.force_W), (result, result.grf_W))])
+    moments[1, np.isnan(stance.model_cop[:, 0])] = np.nan
+    return moments
+
+
+def free_moment_rmse(result: WalkResult, plate: PlateRecording, comparison: Comparison) -> float | None:
+    """N m, over all stances."""
+    stances = comparison.stances if has_free_moment(plate) else ()
+    pairs = np.hstack([np.empty((2, 0)), *(stance_free_moments(result, plate, stance) for stance in stances)])
+    measured, model = pairs[:, np.isfinite(pairs).all(axis=0)]
+    return finite(rmse(model, measured))
+
+
+# Where on the curve model and measurement differ: statistical parametric mapping, or pointwise bootstrap bands.
+#
+# The sample is a walk's curve, model less measured. With `spm1d` (Pataky 2012, doi 10.1080/10255842.2010.527837), which
+# must be installed apart because of its licence: a paired t-test, two-tailed, whose threshold random field theory sets
+# for the whole curve. Without it: where the percentile bootstrap band of the mean difference, over walks, leaves out
+# zero, point by point, uncorrected for how many points there are. Neither corrects for how many curves are tested, and
+# no region is no proof of agreement: few walks leave large differences undetected.
+
+SPM, BOOTSTRAP = "statistical parametric mapping", "pointwise bootstrap"
+ALPHA = 0.05
+LEAST_WALKS = 3
+RESAMPLES = 2000
+_LEAST_POINTS = 10
+_FLAT = 1e-9
+"""Share of the curve's largest spread below which a point does not vary (the impulse at heel strike is zero always)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """Where the mean difference of curves is not zero; p by statistical parametric mapping alone."""
+
+    start_percent: float
+    end_percent: float
+    p: float | None
+    mean_difference: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tested:
+    """Where the mean difference of n walks is not zero."""
+
+    n: int
+    largest_difference: float | None  # of the mean curve
+    method: str | None = None  # SPM, BOOTSTRAP or None where nothing was computed
+    why: str | None = None  # not, or not otherwise
+    threshold: float | None = None  # of |t|; None by bootstrap
+    regions: tuple[Region, ...] = ()
+    share: float | None = None  # of the compared points that lie in regions
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupDifference(Tested):
+    """The same of one quantity in one group."""
+
+    group: int | str  # the place in `conditions`, or "all"
+    quantity: str
+
+
+def spm_version() -> str | None:
+    """Of the installed `spm1d`; None without it."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return str(importlib.import_module("spm1d").__version__)
+    except ImportError:
+        return None
+
+
+def differing_regions(both: np.ndarray, *, seed: tuple[int, ...]) -> tuple[Tested, dict[str, np.ndarray]]:
+    """Where the mean difference of an ensemble's walks is not zero; `seed` is of the bootstrap.
+
+    Arrays (101,): `difference_mean`, `difference_low` and `difference_high` (the pointwise bootstrap band, 95 %); NaN
+    where nothing is compared.
+    """
+    measured, model = both
+    difference = model - measured
+    n, known = len(difference), np.isfinite(difference).all(axis=0)
+    mean = np.where(known, difference.mean(axis=0), np.nan)
+    arrays = {"difference_mean": mean, **{
+        key: np.full(len(PERCENT), np.nan) for key in ("difference_low", "difference_high")}}
+    tested = Tested(n=n, largest_difference=float(max(mean[known], key=abs)) if known.any() else None)
+    if n < LEAST_WALKS:
+        return dataclasses.replace(tested, why=f"{n} walk{'s' * (n != 1)}: a test needs {LEAST_WALKS}"), arrays
+
+    # the longest run of points that all walks know and at which they vary
+    sd = np.where(known, difference.std(axis=0, ddof=1), 0.0)
+    used = longest_run(known & (sd > _FLAT * sd.max()))
+    if len(used) < _LEAST_POINTS:
+        return dataclasses.replace(tested, why="there are too few points at which all walks differ"), arrays
+    own, first = difference[:, used], int(used[0])
+    low, high = bootstrap_band(own, seed=seed)
+    arrays["difference_low"][used], arrays["difference_high"][used] = low, high
+
+    why = "spm1d is not installed"
+    if spm_version() is not None:
+        try:
+            threshold, spans = _spm(model[:, used], measured[:, used])
+            regions, share = _regions(spans, first, own)
+            return dataclasses.replace(tested, method=SPM, threshold=threshold, regions=regions, share=share), arrays
+        except Exception as error:  # whatever the optional package dislikes, the bands remain
+            raise_if_interrupted()
+            why = f"spm1d refused the curves ({' '.join(str(error).split())[:120]})"
+    bands: list[tuple[float, float, float | None]] = [
+        (float(start), float(stop - 1), None) for start, stop in runs((low > 0.0) | (high < 0.0))]
+    regions, share = _regions(bands, first, own)
+    return dataclasses.replace(tested, method=BOOTSTRAP, why=why, regions=regions, share=share), arrays
+
+
+def bootstrap_band(samples: np.ndarray, *, seed: tuple[int, ...], resamples: int = RESAMPLES
+                   ) -> tuple[np.ndarray, np.ndarray]:
+    """(k,) ends of the percentile bootstrap interval (1 - ALPHA) of the mean of (n, k) samples, point by point; with
+    three samples they are the least and the largest of the three."""
+    n = len(samples)
+    counts = np.random.default_rng(list(seed)).multinomial(n, np.full(n, 1.0 / n), size=resamples)
+    low, high = np.percentile(counts @ samples / n, [50.0 * ALPHA, 100.0 - 50.0 * ALPHA], axis=0)
+    return low, high
+
+
+def _spm(model: np.ndarray, measured: np.ndarray) -> tuple[float | None, list[tuple[float, float, float | None]]]:
+    """Threshold of |t| (None where it cannot be exceeded) and regions (first, last point, p).
+
+    With two degrees of freedom the theory can give a narrow region a p above ALPHA: such a one is none.
+    """
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        test = importlib.import_module("spm1d").stats.ttest_paired(model, measured).inference(ALPHA, two_tailed=True)
+    return finite(test.zstar), [
+        (float(c.endpoints[0]), float(c.endpoints[1]), float(c.P)) for c in test.clusters if c.P <= ALPHA]
+
+
+def _regions(
+    spans: list[tuple[float, float, float | None]], first: int, difference: np.ndarray
+) -> tuple[tuple[Region, ...], float]:
+    """The regions (first, last point, p) as records, and the share of the points in them."""
+    points, inside, regions = np.arange(difference.shape[1]), np.zeros(difference.shape[1], dtype=bool), []
+    for start, end, p in sorted(spans):
+        own = (points >= start - 1e-9) & (points <= end + 1e-9)
+        inside |= own
+        mean = difference[:, own].mean() if own.any() else difference[:, round(start)].mean()
+        regions.append(Region(start_percent=first + start, end_percent=first + end, p=p, mean_difference=float(mean)))
+    return tuple(regions), float(inside.mean())

@@ -147,7 +147,7 @@ def _position_figure(table: EnergyTable) -> Figure:
     """Stored and returned energy over the fulcrum's position: as recorded, under the same load, with the same motion.
     """
     trials = table.trials
-    places = sorted({row.fulcrum_mm for row in (*trials, *table.same_load)})
+    places = sorted({row.fulcrum_mm for row in trials} | {row.fulcrum_mm for row in table.same_load})
     with drawing(10.5, 4.1) as figure:
         panels = first, second, third = figure.subplots(1, 3)
         _recorded(first, trials, table.conditions)

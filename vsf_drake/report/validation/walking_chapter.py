@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from vsf_drake.files import plain, record
 from vsf_drake.report.fit_figures import TrialSweep, fit_sweep_figure
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import MEASURED, NEUTRAL, SIMULATED, Arrays, colour_of, drawing, label, say_synthetic
@@ -28,13 +27,16 @@ _POINTWISE = "pointwise bootstrap"
 """The method of a section that was made without spm1d, as it is saved."""
 _PERCENT = np.linspace(0.0, 100.0, 101)
 _NAMES = {
-    "resultant": ("resultant force", "resultant\nforce (BW)"), "vertical": ("vertical force", "vertical\nforce (BW)"),
-    "fore_aft": ("fore-aft force (forward +)", "fore-aft\nforce (BW)"),
-    "medio_lateral": ("medio-lateral force (left +)", "medio-lateral\nforce (BW)"),
-    "impulse": ("impulse of the resultant", "impulse of the\nresultant (BW s)"),
-    "cop": ("centre of pressure, fore-aft", "centre of pressure,\nahead of the plate's\nrearmost (foot lengths)"),
-    "free_moment": ("free moment (up +)", "free moment\n(N m)")}
-"""Quantities by key: how a sentence calls them, and the label of their axis."""
+    "resultant": ("resultant force", "BW", "resultant\nforce (BW)"),
+    "vertical": ("vertical force", "BW", "vertical\nforce (BW)"),
+    "fore_aft": ("fore-aft force (forward +)", "BW", "fore-aft\nforce (BW)"),
+    "medio_lateral": ("medio-lateral force (left +)", "BW", "medio-lateral\nforce (BW)"),
+    "impulse": ("impulse of the resultant", "BW s", "impulse of the\nresultant (BW s)"),
+    "cop": ("centre of pressure, fore-aft", "FL", "centre of pressure,\nahead of the plate's\nrearmost (foot lengths)"),
+    "free_moment": ("free moment (up +)", "N m", "free moment\n(N m)")}
+"""Quantities by key: how a sentence calls them, their unit, and the label of their axis."""
+_PAPER_IMPULSE_BWS = (0.01, 0.05)
+"""The range of the paper's errors of the impulse."""
 _LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)))
 _MOST_NAMED = 24
 """Walks that an axis has room to name."""
@@ -62,7 +64,8 @@ def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
     any_sweep = any(error is not None for row in rows if row.sweep for error in row.sweep.grf_rmse_bw)
     if any_sweep:
         figures["walking_sweep"] = fit_sweep_figure([
-            record(TrialSweep, plain(row)) for row in rows if row.sweep])
+            TrialSweep(label=row.label, role=row.role, fulcrum_mm=row.fulcrum_mm, synthetic=table.synthetic,
+                       sweep=row.sweep) for row in rows if row.sweep])
     facts = {
         "names": _NAMES, "pointwise": table.difference_method == _POINTWISE, "drawn_differences": drawn,
         "over_all": [d for d in table.differences if d.group == group], "ensembles": ensembles,
@@ -73,7 +76,7 @@ def walking_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
             if (known := [value for row in rows if (value := getattr(row, key)) is not None])],
         "region_rows": [
             {"group": "all" if d.group == "all" else _heading(table.conditions[int(d.group)]), "n": d.n,
-             "quantity": _NAMES[d.quantity][0], "unit": d.unit, **vars(region),
+             "quantity": _NAMES[d.quantity][0], "unit": _NAMES[d.quantity][1], **vars(region),
              "p": None if (p := region.p) is None else "< 0.001" if p < 1e-3 else f"{p:.3f}"}
             for d in table.differences for region in d.regions],
         "any_sweep": any_sweep, "sweeps": len(swept), "sweeps_at_end": len(ends),
@@ -104,9 +107,7 @@ def _condition_rows(table: WalkingTable) -> Iterable[dict[str, Any]]:
     """Up to four rows a condition, the last the paper's."""
     for condition in table.conditions:
         name = _heading(condition)
-        roles = {role: own for role, own in condition.by_role.items() if own}
-        sources = {"all": condition.all} if len(roles) > 1 else {}
-        for source, own in (sources | roles).items():
+        for source, own in condition.scores.items():
             row: dict[str, Any] = {"setting": name, "source": source, "n": own.n}
             for key, spread in own.spreads.items():
                 row |= {key: spread.mean, f"{key}_sd": spread.sd}
@@ -125,7 +126,7 @@ def _extremes(
         if known.size:
             at = int(known[np.argmax(np.abs(model - measured)[known])])
             yield {"heading": _heading(table.conditions[group]), "name": _NAMES[quantity][0],
-                   "unit": table.units[quantity], "percent": at, "difference": model[at] - measured[at],
+                   "unit": _NAMES[quantity][1], "percent": at, "difference": model[at] - measured[at],
                    "peak": measured[known][np.argmax(np.abs(measured[known]))]}
 
 
@@ -185,8 +186,8 @@ def _panel(axes: Axes, table: WalkingTable, arrays: Arrays, name: str, group: in
             axes.plot(_PERCENT, arrays[f"group_{i}_{name}_difference_mean"], linewidth=1.3,
                       color=colour_of(condition.fulcrum_mm), linestyle=_LINES[i % len(_LINES)])
     axes.plot(_PERCENT, mean, color="black", linewidth=2.0)
-    title = _NAMES[name][0]
-    label(axes, x="", y=f"model less plate ({table.units[name]})", title=title[0].upper() + title[1:])
+    title, unit, _ = _NAMES[name]
+    label(axes, x="", y=f"model less plate ({unit})", title=title[0].upper() + title[1:])
 
 
 def _handles(table: WalkingTable, group: int | str) -> list[Artist]:
@@ -214,10 +215,9 @@ def _ensemble_figure(
             condition = table.conditions[group]
             for row, name in enumerate(quantities):
                 bands |= _draw(panels[row, column], arrays, f"group_{group}_{name}", colour_of(condition.fulcrum_mm))
-                n = next((len(d.labels) for d in table.differences
-                          if d.group == group and d.quantity == name), 0)
+                n = next((d.n for d in table.differences if d.group == group and d.quantity == name), 0)
                 label(panels[row, column], x="measured stance (%)" if row == len(quantities) - 1 else "",
-                      y=_NAMES[name][1] if column == 0 else "",
+                      y=_NAMES[name][2] if column == 0 else "",
                       title=f"{_heading(condition)}, {n} walk{'s' * (n != 1)}" if row == 0 else "")
         panels[0, 0].set_xlim(0.0, 100.0)
         plate = "plate (SYNTHETIC)" if table.synthetic else "plate"
@@ -269,7 +269,7 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
                 if condition.paper:
                     level = 100.0 * getattr(condition.paper, key)
                     axes.plot([own[0] - 0.4, own[-1] + 0.4], [level, level], color=NEUTRAL, linewidth=2.2, alpha=0.7)
-        panels[1, 0].axhspan(*table.paper.impulse_rmse_bws, color=NEUTRAL, alpha=0.2, linewidth=0.0)
+        panels[1, 0].axhspan(*_PAPER_IMPULSE_BWS, color=NEUTRAL, alpha=0.2, linewidth=0.0)
         panels[1, 1].axhline(0.0, color="0.75", linewidth=0.7)
         for key, marker, shift in (("heel_strike_error_s", "v", -0.18), ("toe_off_error_s", "^", 0.0),
                                    ("stance_error_s", "s", 0.18)):
