@@ -21,9 +21,9 @@ from vsf_drake.files import read_npz, record
 
 
 @cache
-def embedded_study(*, quick: bool = True, tier: str = "laboratory", with_contact: bool = True) -> Study:
-    """One walk a setting (all nine if not `quick`), with the stored contact or with fitted offsets; no bench file."""
-    return make_study(embedded_trials(tier, quick=quick), contact=embedded_contact(tier) if with_contact else None,
+def embedded_study(*, quick: bool = True, tier: str = "laboratory") -> Study:
+    """One walk a setting (all nine if not `quick`), with the stored contact; no bench file."""
+    return make_study(embedded_trials(tier, quick=quick), contact=embedded_contact(tier),
                       options=StudyOptions(quick=quick, workers=1))
 
 

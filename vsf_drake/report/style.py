@@ -59,6 +59,7 @@ def drawing(width: float, height: float) -> Iterator[Figure]:
         figure = new_figure(width, height)
         yield figure
         figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # settled: it need not be found again for each file
 
 
 Arrays = Mapping[str, np.ndarray]

@@ -18,7 +18,6 @@ from vsf_drake.analysis.validation.settings_section import (
     ModelError,
     NoiseVariance,
     detectable,
-    detectable_error,
     fulcrum_estimates,
     model_error,
     noise_variance,
@@ -28,7 +27,7 @@ from vsf_drake.analysis.validation.settings_section import (
     walked_rows,
 )
 from vsf_drake.analysis.validation.settings_walks import NAMES, NoiseSizes, base_of
-from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, KEEP, STEP_S
+from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, KEEP, OFFSETS_FITTED, STEP_S
 from vsf_drake.simulation.batch import WalkCase, simulate_batch
 
 SESSION, RECORDING, SLOPE = 0.7, 0.2, 1.5
@@ -52,17 +51,8 @@ VARIANCES = {
 @pytest.mark.parametrize("design", DESIGNS)
 def test_variance_of_a_difference_is_that_of_the_design(design):
     found = noise_variance(design, *linear_outcomes(8, 400))
-    assert found.value[0] == pytest.approx(VARIANCES[design], abs=4.0 * found.error[0])
-    assert found.error[0] < 0.05 * found.value[0]
+    assert found.value[0] == pytest.approx(VARIANCES[design], rel=0.1)  # four standard errors of 3200 draws
     assert found.freedom == 8 * 399
-
-
-@pytest.mark.parametrize("design", DESIGNS)
-def test_monte_carlo_error_is_the_scatter_of_repeated_runs(design):
-    runs = [noise_variance(design, *linear_outcomes(4, 20, seed)) for seed in range(200)]
-    scatter = np.std([run.value[0] for run in runs], ddof=1)
-    assert np.mean([run.error[0] for run in runs]) == pytest.approx(scatter, rel=0.25)
-    assert np.mean([run.value[0] for run in runs]) == pytest.approx(VARIANCES[design], abs=4 * scatter / 200**0.5)
 
 
 def test_a_failed_walk_costs_its_own_draw_only():
@@ -77,36 +67,32 @@ def test_a_failed_walk_costs_its_own_draw_only():
 def test_bias_cancels_and_spread_counts():
     errors = np.array([[0.1, 5.1], [0.3, 5.3], [0.2, 5.2], [0.4, np.nan]])
     found = model_error(errors)
-    assert found.mean == pytest.approx([0.25, 5.2])
     assert found.sd == pytest.approx([np.std([0.1, 0.2, 0.3, 0.4], ddof=1), 0.1])
     assert found.count.tolist() == [4, 3]
 
 
-@pytest.mark.parametrize("walks", [0, 1, 2])
-def test_too_few_held_out_walks_leave_the_sum_unknown(walks):
-    found = model_error(np.ones((walks, 2)))
-    assert np.isnan(found.sd).all() and found.count.tolist() == [walks, walks]
-    noise = NoiseVariance(np.ones(2), np.zeros(2), 100.0)
+def test_too_few_held_out_walks_leave_the_sum_unknown():
+    found = model_error(np.ones((2, 2)))
+    assert np.isnan(found.sd).all() and found.count.tolist() == [2, 2]
+    noise = NoiseVariance(np.ones(2), 100.0)
     assert np.isnan(detectable(noise, found)).all()
     assert detectable(noise) == pytest.approx([1.984, 1.984], abs=1e-3)  # t tables, 100 degrees of freedom
 
 
 def test_limits_are_students_and_add_as_squares():
-    noise = NoiseVariance(np.array([4.0]), np.array([0.4]), 1e9)
-    model = ModelError(np.zeros(1), np.array([1.0]), np.array([3]))
+    noise = NoiseVariance(np.array([4.0]), 1e9)
+    model = ModelError(np.array([1.0]), np.array([3]))
     by_noise, by_model = norm.ppf(0.975) * 2.0, 4.3027 * 2.0**0.5  # t tables, 2 degrees of freedom
     assert detectable(noise, model)[0] == pytest.approx(np.hypot(by_noise, by_model), rel=1e-4)
     assert detectable(noise)[0] == pytest.approx(by_noise, rel=1e-6)
-    # a tenth more variance is a twentieth more limit
-    assert detectable_error(noise)[0] == pytest.approx(0.05 * by_noise, rel=1e-6)
     assert np.isnan(quantile(0.0))
 
 
-@pytest.mark.parametrize("walks", [3, 7, 20])
+@pytest.mark.parametrize("walks", [3, 20])
 def test_without_an_effect_at_most_one_in_twenty_is_called_one(walks):
     random = np.random.default_rng(walks)
     spread, model_sd, cases = 1.0, 0.8, 20000
-    noise = NoiseVariance(np.array([2.0 * spread**2]), np.zeros(1), 1e6)
+    noise = NoiseVariance(np.array([2.0 * spread**2]), 1e6)
     errors = model_sd * random.standard_normal((walks, cases)) + 3.0
     limit = detectable(noise, model_error(errors))
     two = spread * random.standard_normal((2, cases)) + model_sd * random.standard_normal((2, cases)) + 3.0
@@ -138,7 +124,7 @@ def ends(found):
     return next(row for row in found if row.from_mm == AT[0] and row.to_mm == AT[-1])
 
 
-@pytest.mark.parametrize("error", [0.0, 0.1, 1.0, 5.0])
+@pytest.mark.parametrize("error", [0.1, 1.0])
 def test_without_a_difference_of_settings_at_most_one_in_twenty_is_told_apart(error):
     """However well the model follows each stride: then it tells strides apart, and settings no better."""
     random = np.random.default_rng(5)
@@ -223,17 +209,19 @@ def test_a_stiffer_setting_carries_more_under_the_same_motion(table):
     assert rows["vertical_second_bw"].effect_ends > 0.3
     assert rows["cop_mid_stance_fl"].effect_ends > 0.05
     assert [*table.stiffness_n_per_mm] == sorted(table.stiffness_n_per_mm)
-
-
     for row in table.outcomes[-2:]:  # energy has no plate
         assert row.unit == "J" and row.model_error_sd is None and row.limits["sdd_two_sessions"] is None
         assert row.limits["noise_sdd_two_sessions"] > 0.0
 
 
-def test_a_difference_is_told_apart_if_it_exceeds_the_limit(table):
-    for row in table.pairs:
+def test_pairs_are_held_against_noise_alone_where_the_model_s_error_is_not_known(table):
+    ends = {row.outcome: row.limits for row in table.pairs if (row.from_mm, row.to_mm) == (66.0, 151.0)}
+    for row in table.outcomes:
         for design in DESIGNS:
-            assert row.limits[f"noise_told_apart_{design}"] == (abs(row.effect) > row.limits[f"noise_sdd_{design}"])
+            alone, both = (row.limits[f"{prefix}sdd_{design}"] for prefix in ("noise_", ""))
+            assert ends[row.name][f"limit_{design}"] > 0.0 and (both is None) == (row.model_error_sd is None)
+            if row.model_error_sd is not None:  # the model's part is the same at any two positions
+                assert ends[row.name][f"limit_{design}"] > (both**2 - alone**2) ** 0.5
 
 
 @pytest.mark.slow
@@ -276,18 +264,18 @@ def test_estimates_are_exact_where_the_force_is_linear_in_the_position_and_stop_
 
 def test_one_trial_without_contact_fit_still_says_what_noise_allows(monkeypatch):
     monkeypatch.setattr(settings, "QUICK_NOISY_WALKS", 24)
-    study = embedded_study(with_contact=False)
-    section = settings_section(with_walks(study, study.walks[0]))
+    study = embedded_study()
+    section = settings_section(with_walks(study, dataclasses.replace(study.walks[0], role=OFFSETS_FITTED)))
     assert all(row.limits["sdd_same_session"] is None and row.limits["noise_sdd_same_session"] > 0.0
                for row in section.table.outcomes)
-    assert section.table.as_walked == () and section.table.fulcrum_estimate_sd_mm is None
+    assert section.table.as_walked == () and section.table.inverse.sd_mm is None
     said = " ".join(section.missing)
     assert "offsets of every walk" in said and "one setting" in said and "between the ends" in said
     assert "model's error is not known" in section.table.answer
 
 
 def test_plates_without_centre_of_pressure_leave_its_error_unknown(monkeypatch):
-    monkeypatch.setattr(settings, "QUICK_NOISY_WALKS", 54)
+    monkeypatch.setattr(settings, "QUICK_NOISY_WALKS", 18)
     study = embedded_study()
     blind = [with_plate(walk, has_cop=False, cop_W=np.full_like(walk.recorded.prosthetic_plate.cop_W, np.nan))
              for walk in study.walks]

@@ -66,11 +66,11 @@ class Base:
 class SettingWalk:
     """Walks of one base trial at P positions, without noise and with D draws of R = 2 recordings; NaN where one failed.
 
-    By name: `values` (P, O) outcomes in the order of NAMES; `resultant` and `cop` (P, 101) BW and FL over the own
-    stance; `locked` (P, n) BW, the resultant at `time_s`.
+    By name: `values` (P, O) outcomes in the order of NAMES; `locked` (P, n) BW, the resultant at `time_s`.
     """
 
     base: Base
+    resultant: np.ndarray  # (P, 101) BW over the own stance, without noise
     alone: dict[str, np.ndarray]
     noisy: dict[str, np.ndarray]  # the same, each (D, R, P, ...)
     time_s: np.ndarray  # (n,)
@@ -120,13 +120,17 @@ def walk_all(
                 cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show)]
             time = next((record.time_s for record in records if record is not None), np.empty(0))
             alone, noisy = {}, {}
-            for name, size in (("values", len(NAMES)), ("resultant", 101), ("cop", 101), ("locked", len(time))):
-                values = np.array([np.full(size, np.nan) if record is None else getattr(record, name)
-                                  for record in records]).reshape(1 + RECORDINGS * draws, len(positions_m), size)
+            for name, size in (("values", len(NAMES)), ("locked", len(time))):
+                values = _known(records, name, size).reshape(1 + RECORDINGS * draws, len(positions_m), size)
                 alone[name] = values[0]
                 noisy[name] = values[1:].reshape(draws, RECORDINGS, len(positions_m), size)
-            every.append(SettingWalk(base, alone, noisy, time, records.count(None)))
+            resultant = _known(records[: len(positions_m)], "resultant", len(PERCENT))
+            every.append(SettingWalk(base, resultant, alone, noisy, time, records.count(None)))
     return every
+
+
+def _known(records: Sequence[StanceRecord | None], name: str, size: int) -> np.ndarray:
+    return np.array([np.full(size, np.nan) if one is None else getattr(one, name) for one in records])
 
 
 def _units(walk: StudyWalk) -> dict[str, Any]:
@@ -177,7 +181,6 @@ class StanceRecord:
 
     values: np.ndarray  # (12,) outcomes in the order of NAMES; NaN for what the record does not tell
     resultant: np.ndarray  # (101,) BW at 0-100 % of the own stance
-    cop: np.ndarray  # (101,) FL ahead of its rearmost place; NaN unloaded
     time_s: np.ndarray  # (n,) evenly spaced
     locked: np.ndarray  # (n,) BW, the resultant there, not shifted in time
 
@@ -213,7 +216,6 @@ def stance_record(
         "propulsion_impulse_bws": cumulative_integral(np.maximum(along[inside], 0.0), step)[-1],
         "resultant_rms_bw": np.sqrt(np.mean(resultant[inside] ** 2))}
     instants = percent_instants(stance)
-    cop = np.full(len(PERCENT), np.nan)
     if cop_W is not None:
         path = filtered_while_loaded((cop_W @ axes.T)[:, :1], time_s, grf_W[:, 2], cop_W, instants)[:, 0]
         path /= foot_length_m
@@ -227,7 +229,7 @@ def stance_record(
         start, end = np.interp([stance.start_s, stance.end_s], time_s, strain)
         lost = np.interp(stance.end_s, time_s, loss) - loss[top]
         values |= {"energy_stored_j": strain[top] - start, "energy_returned_j": strain[top] - end - lost}
-    return StanceRecord(values=np.array([values[name] for name in NAMES]), cop=cop,
+    return StanceRecord(values=np.array([values[name] for name in NAMES]),
                         resultant=np.interp(instants, grid, resultant), time_s=grid, locked=resultant)
 
 

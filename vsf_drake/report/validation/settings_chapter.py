@@ -44,10 +44,8 @@ def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
 def _facts(table: SettingsTable) -> dict[str, Any]:
     """What the chapter's sentences need besides the table."""
     outcomes, places = table.outcomes, table.positions_mm
-    curves = {(row.from_mm, row.to_mm): row for row in table.curves
-              if row.curve == "resultant" and row.rms_difference is not None}
-    near = [row.rms_difference or 0.0 for (start, end), row in curves.items()
-            if places.index(end) - places.index(start) == 1]
+    curves = {(row.from_mm, row.to_mm): row for row in table.curves if row.rms_bw is not None}
+    near = [row.rms_bw or 0.0 for (start, end), row in curves.items() if places.index(end) - places.index(start) == 1]
     known = any(_limited(row) for row in outcomes)
     changes = [(row, row.limits["sdd_same_recording" if _limited(row) else "noise_sdd_same_recording"])
                for row in outcomes if row.name in SHOWN]
@@ -55,8 +53,7 @@ def _facts(table: SettingsTable) -> dict[str, Any]:
     for design, title in DESIGNS.items():
         travels = _travels(outcomes, f"{'smallest' if known else 'noise'}_travel_mm_{design}")
         reached += [(title, *min(travels), len(travels))] if travels else []
-        verdicts = [row.limits[f"noise_told_apart_{design}"] if (of_both := row.limits[f"told_apart_{design}"]) is None
-                    else of_both for row in table.pairs]
+        verdicts = [told_apart(row, design) for row in table.pairs]
         apart.append((title, verdicts.count(True), len(verdicts) - verdicts.count(None)))
     estimates = table.inverse and (("same_session", table.inverse.model_sd_recording_mm),
                                    ("two_sessions", table.inverse.model_sd_mm))
@@ -67,15 +64,21 @@ def _facts(table: SettingsTable) -> dict[str, Any]:
     titles = {row.name: f"{row.title} ({row.unit})" for row in outcomes}
     words = {True: "yes", False: "no", None: None}
     return {
-        "outcomes": plain(outcomes), "curves": plain(table.curves),
+        "outcomes": plain(outcomes),
         "ends": curves[max(curves, key=lambda ends: ends[1] - ends[0])] if curves else None,
         "neighbours_percent": [100.0 * x for x in near], "as_large_as_a_step": 0.08 <= max(near, default=0.0) <= 0.2,
-        "walked_percent": [100.0 * row.measured_bw for row in table.as_walked_curves if row.measured_bw is not None],
+        "walked_percent": [100.0 * apart_bw for apart_bw in table.as_walked_apart_bw],
         "changes": [(row, limit) for row, limit in sorted(changes, key=lambda item: SHOWN.index(item[0].name))
                     if row.effect_ends is not None and limit is not None],
         "reached": reached, "apart": apart, "two_estimates": two_estimates, "poor_judge": poor_judge(table.pairs),
         "walked_rows": [{**vars(row), "title": titles[row.outcome], "told": words[row.told_apart],
                          "strides": words[row.beyond_strides]} for row in table.as_walked]}
+
+
+def told_apart(row: PairRow, design: str) -> bool | None:
+    """Whether the effect exceeds what is detectable; None where that is not known."""
+    limit = row.limits[f"limit_{design}"]
+    return None if row.effect is None or limit is None else abs(row.effect) > limit
 
 
 def _travels(outcomes: Sequence[OutcomeRow], key: str) -> list[tuple[float, str]]:
@@ -91,7 +94,7 @@ def poor_judge(pairs: Sequence[PairRow]) -> PairRow | None:
     ends, effect = max(effects, key=lambda item: item[0].to_mm - item[0].from_mm)
     largest = max(abs(other) for _, other in effects)
     between = max(other for row, other in effects if row.from_mm == ends.from_mm) > max(0.0, effect)
-    apart = abs(effect) > 0.5 * largest or ends.limits["noise_told_apart_same_recording"]
+    apart = abs(effect) > 0.5 * largest or told_apart(ends, "same_recording")
     return ends if between and not apart else None
 
 
@@ -104,12 +107,11 @@ def _effect_figure(table: SettingsTable, arrays: Arrays) -> Figure:
     """Six outcomes over the fulcrum's position, each as a difference from the middle position."""
     positions = np.array(table.positions_mm, dtype=float)
     middle = int(np.argmin(np.abs(positions - 0.5 * (positions[0] + positions[-1]))))
-    outcomes, recorded = {row.name: row for row in table.outcomes}, [x.fulcrum_mm for x in table.trials]
+    outcomes, recorded = {row.name: row for row in table.outcomes}, table.trials_mm
     with drawing(10.6, 6.4) as figure:
         for axes, name in zip(figure.subplots(2, 3, sharex=True).ravel(), SHOWN, strict=True):
-            row, effects = outcomes[name], arrays["effects"][:, :, table.names.index(name)]
-            _bands(axes, [pair for pair in table.pairs if pair.outcome == name], positions[middle],
-                   "" if _limited(row) else "noise_")
+            row, effects = outcomes[name], arrays["effects"][:, :, list(outcomes).index(name)]
+            _bands(axes, [pair for pair in table.pairs if pair.outcome == name], positions[middle])
             change = effects - effects[:, middle:middle + 1]
             for values, at in zip(change, recorded, strict=True):
                 axes.plot(positions, values, color=colour_of(at), linewidth=1.0)
@@ -131,10 +133,10 @@ def _effect_figure(table: SettingsTable, arrays: Arrays) -> Figure:
     return figure
 
 
-def _bands(axes: Axes, pairs: Sequence[PairRow], here: float, prefix: str) -> None:
+def _bands(axes: Axes, pairs: Sequence[PairRow], here: float) -> None:
     """What is not detectable from the position `here`, to both sides; next to it as at its neighbour."""
     for design, shade in _SHADES.items():
-        limits = {row.to_mm if row.from_mm == here else row.from_mm: row.limits[f"{prefix}sdd_{design}"]
+        limits = {row.to_mm if row.from_mm == here else row.from_mm: row.limits[f"limit_{design}"]
                   for row in pairs if here in (row.from_mm, row.to_mm)}
         if None in limits.values():
             continue
@@ -158,12 +160,9 @@ def _pairs_figure(table: SettingsTable) -> Figure:
     with drawing(11.0, 1.7 + 0.27 * len(rows)) as figure:
         for axes, (design, title) in zip(figure.subplots(1, 3, sharey=True), DESIGNS.items(), strict=True):
             for i, outcome in enumerate(rows):
-                prefix = "" if _limited(outcome) else "noise_"
                 for j, pair in enumerate(pairs):
                     row = by_pair[(outcome.name, *pair)]
-                    effect, limit, verdict = row.effect, *(row.limits[f"{prefix}{key}_{design}"]
-                                                           for key in ("sdd", "told_apart"))
-                    apart = None if verdict is None else bool(verdict)
+                    effect, limit, apart = row.effect, row.limits[f"limit_{design}"], told_apart(row, design)
                     axes.add_patch(Rectangle((j - 0.47, i - 0.45), 0.94, 0.9, facecolor=_FACES[apart], edgecolor="0.7",
                                              linewidth=0.5))
                     over = abs(effect) / limit if effect is not None and limit else 0.0
