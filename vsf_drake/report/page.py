@@ -170,10 +170,12 @@ class ShownChapter:
 
         def make() -> Markup:
             values = [[_value(row, column.key) for column in shown_columns] for row in rows]
+            known = [(i, column) for i, column in enumerate(shown_columns)
+                     if not values or any(row[i] is not None for row in values)]
             table: Markup = _macros.table(
-                [column.heading for column in shown_columns],
-                [[cell(column, value) for column, value in zip(shown_columns, row, strict=True)] for row in values],
-                _one_line("", caller), right=[bool(column.form) for column in shown_columns],
+                [column.heading for _, column in known],
+                [[cell(column, row[i]) for i, column in known] for row in values],
+                _one_line("", caller), right=[bool(column.form) for _, column in known],
                 unmet=[i for i, row in enumerate(rows) if _value(row, "met") is False])
             if self._folder is not None:
                 self.files.add(path := Path(TABLES) / f"{name}.csv")

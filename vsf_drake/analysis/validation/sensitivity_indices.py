@@ -1,9 +1,8 @@
 """Morris screening and Sobol indices of any function of shares of the factors' ranges, through SALib.
 
 A design is points (rows, k) in the unit cube; what it gives is values (rows, outputs), NaN where there is none.
-Morris' trajectories and Saltelli's blocks are whole or dropped: each is a sample of its own, so that dropping one
-removes information but shifts no other. Dropping is not blind to the cause: where values are missing because the
-extreme points fail, the rest says less about those. The counts are therefore part of what comes out.
+Morris' trajectories and Saltelli's blocks are whole or dropped, and counted: where values are missing because extreme
+points fail, the rest says less about those.
 
 Morris 1991 (doi 10.1080/00401706.1991.10484804), mu* of Campolongo 2007 (doi 10.1016/j.envsoft.2006.10.004); Sobol
 indices by the estimators of Saltelli 2010 (doi 10.1016/j.cpc.2009.09.018); SALib (doi 10.21105/joss.00097).
@@ -40,16 +39,14 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class Index:
-    """Shares of an output's variance: first-order and total index of a factor or group, half of their 95 % bootstrap
-    intervals, and whether the interval is wider than the index."""
+    """Shares of an output's variance: first-order and total index of a factor or group, and half of their 95 %
+    bootstrap intervals."""
 
     name: str
     s1: float
     s1_conf: float
     st: float
     st_conf: float
-    s1_wide: bool
-    st_wide: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +65,7 @@ class SamplingDesign:
 
 def _problem(names: Sequence[str], groups: Sequence[str] | None = None) -> dict[str, Any]:
     return {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names),
-            "groups": None if groups is None else list(groups)}
+            "groups": groups and list(groups)}
 
 
 def morris_design(names: Sequence[str], trajectories: int, seed: int) -> SamplingDesign:
@@ -88,9 +85,8 @@ def sobol_design(
     from SALib.sample import sobol  # noqa: PLC0415
 
     problem, labels = _problem(names, groups), tuple(dict.fromkeys(groups or names))
-    return SamplingDesign(sobol.sample(problem, samples, calc_second_order=False, seed=_seed(seed)), len(labels) + 2,
-                          labels,
-                          problem)
+    points = sobol.sample(problem, samples, calc_second_order=False, seed=_seed(seed))
+    return SamplingDesign(points, len(labels) + 2, labels, problem)
 
 
 def morris_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Effect, ...] | None:
@@ -118,22 +114,14 @@ def sobol_rows(design: SamplingDesign, y: np.ndarray, seed: int) -> tuple[Index,
         return None
     indices = sobol.analyze(design.problem, y[whole], calc_second_order=False, num_resamples=RESAMPLES,
                             seed=_seed(seed))
-    rows = []
-    for i, name in enumerate(design.labels):
-        s1, s1_conf, st, st_conf = (float(indices[key][i]) for key in ("S1", "S1_conf", "ST", "ST_conf"))
-        rows.append(Index(name=name, s1=s1, s1_conf=s1_conf, st=st, st_conf=st_conf, s1_wide=2.0 * s1_conf > s1,
-                          st_wide=2.0 * st_conf > st))
-    return tuple(rows)
+    keys = {"s1": "S1", "s1_conf": "S1_conf", "st": "ST", "st_conf": "ST_conf"}
+    return tuple(Index(name=name, **{own: float(indices[key][i]) for own, key in keys.items()})
+                 for i, name in enumerate(design.labels))
 
 
 def dropped(design: SamplingDesign, y: np.ndarray) -> int:
     """How many blocks were dropped."""
     return int(np.count_nonzero(~design.whole(y))) // design.block
-
-
-def ranked(rows: Sequence[Effect] | None) -> tuple[str, ...]:
-    """Names by falling mu*."""
-    return tuple(row.name for row in sorted(rows or (), key=lambda row: -row.mu_star))
 
 
 def _seed(seed: int) -> int:

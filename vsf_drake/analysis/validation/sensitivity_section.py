@@ -11,6 +11,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,6 @@ from vsf_drake.analysis.validation.sensitivity_indices import (
     dropped,
     morris_design,
     morris_rows,
-    ranked,
     sobol_design,
     sobol_rows,
 )
@@ -72,8 +72,6 @@ TRAJECTORIES, QUICK_TRAJECTORIES = 16, 5
 GROUP_SAMPLES, FACTOR_SAMPLES = 512, 256
 STRONGEST = 8
 """How many single factors get Sobol indices."""
-_QUOTED = 5
-"""Failures that the table keeps in words."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +84,6 @@ class FactorRange:
     low: float
     high: float
     why: str  # where the range comes from
-    variables: tuple[str, ...]  # of the walker, which it changes together
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,58 +96,6 @@ class FactorRow(FactorRange):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GroupedEffect(Effect):
-    """The same with the factor's group."""
-
-    group: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Baseline:
-    """An output as the study has it; None where it is not known."""
-
-    mean: float | None
-    by_condition: tuple[float | None, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class OutputSpread:
-    """Mean, standard deviation and percentiles of an output with everything uncertain."""
-
-    mean: float
-    sd: float
-    p05: float
-    p50: float
-    p95: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Samples:
-    """Saltelli's blocks for groups and for single factors."""
-
-    groups: int
-    factors: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class Dropped:
-    """What was left out of an output's indices; None where nothing was walked."""
-
-    trajectories: int
-    group_blocks: int | None
-    factor_blocks: int | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Failures:
-    """Walks that failed; the first of the reasons, and what was dropped by output."""
-
-    count: int
-    examples: tuple[str, ...]
-    dropped: Mapping[str, Dropped]
-
-
-@dataclass(frozen=True, kw_only=True)
 class WalkedCondition:
     """The trial of a condition."""
 
@@ -160,33 +105,42 @@ class WalkedCondition:
 
 
 @dataclass(frozen=True, kw_only=True)
+class OutputRow:
+    """One output; None where nothing can be said."""
+
+    baseline: float | None  # as the study has it, mean over the conditions
+    baseline_indexed: float | None  # in the condition that indices are of
+    p05: float | None  # percentiles with everything uncertain
+    p50: float | None
+    p95: float | None
+    stability: float | None  # lowest rank correlation of mu* between two conditions
+    interaction: float | None  # share of the variance that no index of first order has
+    interaction_conf: float | None  # half of its 95 % interval, as if these erred independently
+    explained: float | None  # variance with only the strongest varied over that with all varied
+    dropped: int  # trajectories and blocks
+    morris: tuple[Effect, ...] | None
+    sobol: tuple[Index, ...] | None  # of groups
+    sobol_factors: tuple[Index, ...] | None  # of the strongest
+
+
+@dataclass(frozen=True, kw_only=True)
 class SensitivityTable:
-    """The sensitivity study; mappings are by output, None where nothing can be said."""
+    """The sensitivity study."""
 
     factors: tuple[FactorRow, ...]
     conditions: tuple[WalkedCondition, ...]
-    indexed: int  # the place of the condition that indices and spread are of
+    indexed: int  # the place of the condition that indices and percentiles are of
     strongest: tuple[str, ...]
     walks: int
     unconverged: int
+    failed: int
+    first_failure: str
     trajectories: int
-    samples: Samples | None
+    blocks: tuple[int, int] | None  # Saltelli's, for groups and for single factors
     seed: int
-    quick: bool
     synthetic: bool
     local_agreement: float | None  # rank correlation of the exact derivatives and the screening
-    failures: Failures
-    sobol: Mapping[str, tuple[Index, ...] | None]  # of groups
-    sobol_factors: Mapping[str, tuple[Index, ...] | None]  # of the strongest
-    morris: Mapping[str, tuple[GroupedEffect, ...] | None]
-    baseline: Mapping[str, Baseline]
-    morris_by_condition: Mapping[str, tuple[tuple[float, ...] | None, ...]]  # mu* by condition and factor
-    stability: Mapping[str, float | None]  # lowest rank correlation of mu* between two conditions
-    ranking: Mapping[str, tuple[str, ...]]  # names by mu*
-    interaction: Mapping[str, float | None]  # share of the variance that no index of first order has
-    interaction_conf: Mapping[str, float | None]  # half of its 95 % interval, as if these erred independently
-    spread: Mapping[str, OutputSpread | None]
-    explained: Mapping[str, float | None]  # variance with only the strongest varied over that with all varied
+    outputs: Mapping[str, OutputRow]  # by OUTPUTS
 
 
 def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Section[SensitivityTable]:
@@ -220,43 +174,33 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
             sobol_design([factor.name for factor in few], FACTOR_SAMPLES, seed + 2), few, "Sobol indices of factors",
             [middle])
 
-    sobol, sobol_factors = ({name: None if part is None else sobol_rows(part.design, part.of(i), seed)
-                             for i, name in enumerate(OUTPUTS)} for part in (grouped, single))
-    by_condition = {name: tuple(None if rows is None else tuple(row.mu_star for row in rows) for rows in (
-        morris_rows(screen, screened.values[:, t, i], seed) for t in range(len(walked))))
-        for i, name in enumerate(OUTPUTS)}
-    of_error = morris["grf_rmse_bw"]
+    def output_row(i: int, name: str) -> OutputRow:
+        sobol, of_factors = (None if part is None else sobol_rows(part.design, part.of(i), seed)
+                             for part in (grouped, single))
+        by_condition = [morris_rows(screen, screened.values[:, t, i], seed) for t in range(len(walked))]
+        p05, p50, p95 = percentiles(grouped, i)
+        return OutputRow(
+            baseline=finite(baseline[:, i].mean()), baseline_indexed=finite(baseline[middle, i]), p05=p05, p50=p50,
+            p95=p95, stability=stability([[row.mu_star for row in rows] for rows in by_condition if rows]),
+            interaction=None if sobol is None else 1.0 - sum(row.s1 for row in sobol),
+            interaction_conf=None if sobol is None else float(np.linalg.norm([row.s1_conf for row in sobol])),
+            explained=explained(grouped, single, i),
+            dropped=sum(dropped(part.design, part.of(i)) for part in (screened, grouped, single) if part is not None),
+            morris=morris[name], sobol=sobol, sobol_factors=of_factors)
+
+    of_error, ranges = morris["grf_rmse_bw"], [one.name for one in dataclasses.fields(FactorRange)]
     table = SensitivityTable(
         factors=tuple(FactorRow(local_grf_bw=None if local is None else float(local[i]), **{
-            one.name: getattr(factor, one.name) for one in dataclasses.fields(FactorRange)})
-            for i, factor in enumerate(factors)),
+            key: getattr(factor, key) for key in ranges}) for i, factor in enumerate(factors)),
         conditions=tuple(WalkedCondition(label=walk.label, fulcrum_mm=walk.fulcrum_mm, role=walk.role)
                          for walk in walked),
         indexed=middle, strongest=tuple(strongest), walks=walks.walked, unconverged=walks.unconverged,
-        trajectories=len(screen.points) // screen.block,
-        samples=None if quick else Samples(groups=GROUP_SAMPLES, factors=FACTOR_SAMPLES), seed=seed, quick=quick,
-        synthetic=any(walk.trial.synthetic for walk in walked),
+        failed=len(walks.failures), first_failure=next(iter(walks.failures), ""),
+        trajectories=len(screen.points) // screen.block, blocks=None if quick else (GROUP_SAMPLES, FACTOR_SAMPLES),
+        seed=seed, synthetic=any(walk.trial.synthetic for walk in walked),
         local_agreement=None if of_error is None or local is None else finite(
             spearmanr([row.mu_star for row in of_error], local).statistic),
-        failures=Failures(count=len(walks.failures), examples=tuple(walks.failures[:_QUOTED]), dropped={
-            name: Dropped(trajectories=dropped(screen, screened.of(i)),
-                          group_blocks=None if grouped is None else dropped(grouped.design, grouped.of(i)),
-                          factor_blocks=None if single is None else dropped(single.design, single.of(i)))
-            for i, name in enumerate(OUTPUTS)}),
-        sobol=sobol, sobol_factors=sobol_factors,
-        morris={name: None if rows is None else tuple(GroupedEffect(**vars(row), group=factor.group)
-                                     for row, factor in zip(rows, factors, strict=True))
-                for name, rows in morris.items()},
-        baseline={name: Baseline(mean=finite(baseline[:, i].mean()), by_condition=tuple(map(finite, baseline[:, i])))
-                  for i, name in enumerate(OUTPUTS)},
-        morris_by_condition=by_condition,
-        stability={name: stability(effects) for name, effects in by_condition.items()},
-        ranking={name: ranked(rows) for name, rows in morris.items()},
-        interaction={name: None if rows is None else 1.0 - sum(row.s1 for row in rows) for name, rows in sobol.items()},
-        interaction_conf={name: None if rows is None else float(np.linalg.norm([row.s1_conf for row in rows]))
-                          for name, rows in sobol.items()},
-        spread={name: output_spread(grouped, i) for i, name in enumerate(OUTPUTS)},
-        explained={name: explained(grouped, single, i) for i, name in enumerate(OUTPUTS)})
+        outputs={name: output_row(i, name) for i, name in enumerate(OUTPUTS)})
     without = [walk.label for walk in walked if not walk.trial.prosthetic_plate.has_cop]
     return Section(table=table, missing=tuple(say(
         "sensitivity", "missing", quick=quick, trajectories=table.trajectories, conditions=len(walked),
@@ -320,9 +264,6 @@ def local_changes(trials: Sequence[DesignTrial], factors: Sequence[Factor]) -> n
 
 # What is read off the walked designs of the sensitivity study, by output.
 
-PERCENTILES = (5, 50, 95)
-
-
 @dataclass(frozen=True, eq=False)
 class FactorWalk:
     """A design and `values` (rows, trials, len(OUTPUTS)) at its points, NaN where unknown."""
@@ -340,13 +281,10 @@ class FactorWalk:
         return np.asarray(y[self.design.whole(y)].reshape(-1, self.design.block)[:, [0, -1]].ravel())
 
 
-def output_spread(walked: FactorWalk | None, output: int) -> OutputSpread | None:
-    """Of an output over the uncertainty; None below two points."""
+def percentiles(walked: FactorWalk | None, output: int) -> list[float | None]:
+    """The 5th, 50th and 95th of an output over the uncertainty; None below two points."""
     y = np.empty(0) if walked is None else walked.independent(output)
-    if len(y) < 2:
-        return None
-    p05, p50, p95 = np.percentile(y, PERCENTILES).tolist()
-    return OutputSpread(mean=float(y.mean()), sd=float(y.std(ddof=1)), p05=p05, p50=p50, p95=p95)
+    return np.percentile(y, (5, 50, 95)).tolist() if len(y) > 1 else [None] * 3
 
 
 def explained(every: FactorWalk | None, few: FactorWalk | None, output: int) -> float | None:
@@ -357,17 +295,15 @@ def explained(every: FactorWalk | None, few: FactorWalk | None, output: int) -> 
     return float(both[1].var() / both[0].var()) if min(map(len, both)) > 1 and both[0].var() > 0.0 else None
 
 
-def stability(by_condition: Sequence[Sequence[float] | None]) -> float | None:
+def stability(effects: Sequence[Sequence[float]]) -> float | None:
     """The lowest rank correlation of mu* between two conditions; None of fewer than two."""
-    effects = [one for one in by_condition if one is not None]
-    pairs = [spearmanr(effects[i], effects[j]).statistic for i in range(len(effects)) for j in range(i)]
+    pairs = [spearmanr(a, b).statistic for a, b in combinations(effects, 2)]
     return finite(min(pairs)) if pairs else None
 
 
 # The walks of the study: each point of a design walked in every trial, and what is read off each walk.
 
-OUTPUTS = ("grf_rmse_bw", "cop_rmse_fl", "cop_shift_mm", "peak_vertical_bw", "spring_stored_j", "spring_returned_j",
-           "spring_return_ratio", "keel_stored_j")
+OUTPUTS = ("grf_rmse_bw", "cop_rmse_fl", "cop_shift_mm", "peak_vertical_bw", "spring_stored_j", "spring_returned_j")
 """What is read off a walk:
 
 - grf_rmse_bw, cop_rmse_fl: as in `analysis.metrics`.
@@ -376,10 +312,8 @@ OUTPUTS = ("grf_rmse_bw", "cop_rmse_fl", "cop_shift_mm", "peak_vertical_bw", "sp
 - spring_stored_j: largest strain energy of the spring, which is the keel with the support under it, between the
   model's touch-down and toe-off, less that at touch-down. The foam is not in it.
 - spring_returned_j: what of it is gone by toe-off, less what the damping of both took on the way.
-- spring_return_ratio: returned over stored.
-- keel_stored_j: as spring_stored_j, of the keel alone.
 
-The last five are means over complete stances."""
+The last three are means over complete stances."""
 AT_ONCE = 480
 """Walks whose arrays are held at a time."""
 
@@ -427,7 +361,7 @@ class DesignTrial:
                  *_spring(time, energy, item.measured, stances)] for item in c.stances if item.inside]
         return np.array([error, rms(off_m) / self.result.foot_length_m,
                          1e3 * off_m.mean() if off_m.size else np.nan,
-                         *(np.mean(rows, axis=0) if rows else np.full(5, np.nan))])
+                         *(np.mean(rows, axis=0) if rows else np.full(3, np.nan))])
 
     def _cop_error(self, item: StanceComparison, time: np.ndarray, grf: np.ndarray, cop: np.ndarray) -> np.ndarray:
         """(101,) m, model less plate over the measured stance, fore-aft; NaN where either is not loaded."""
@@ -439,18 +373,15 @@ class DesignTrial:
 
 def _spring(
     time: np.ndarray, energy: dict[str, np.ndarray], measured: Stance, stances: Sequence[Stance]
-) -> tuple[float, float, float, float]:
-    """The last four OUTPUTS, in the model's stance that overlaps `measured`; NaN without a complete one."""
+) -> tuple[float, float]:
+    """The last two OUTPUTS, in the model's stance that overlaps `measured`; NaN without a complete one."""
     own = partner(measured, stances)
     if own is None or not own.complete:
-        return np.nan, np.nan, np.nan, np.nan
+        return np.nan, np.nan
     down, off = np.searchsorted(time, [own.start_s, own.end_s])
     strain, loss = (energy[f"keel_{kind}"] + energy[f"fulcrum_{kind}"] for kind in ("strain", "loss"))
     full = down + int(np.argmax(strain[down : off + 1]))
-    stored = strain[full] - strain[down]
-    returned = strain[full] - strain[off] - (loss[off] - loss[full])
-    keel = energy["keel_strain"][down : off + 1].max() - energy["keel_strain"][down]
-    return float(stored), float(returned), float(returned / stored) if stored > 0.0 else np.nan, float(keel)
+    return (float(strain[full] - strain[down]), float(strain[full] - strain[off] - (loss[off] - loss[full])))
 
 
 class DesignWalks:
@@ -513,8 +444,9 @@ FULCRUM_M = 5e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Factor(FactorRange):
-    """A factor with how it changes its variables."""
+    """A factor with the variables of the walker that it changes together, and how."""
 
+    variables: tuple[str, ...]
     kind: str = SHIFT
 
     def value(self, share: float, limits: tuple[float, float] = (-math.inf, math.inf)) -> float:

@@ -123,7 +123,8 @@ def _summary(content: Content) -> Chapter:
     tables = {name: (content["sections"].get(name) or {}).get("table") or {} for name in ("bench", "settings")}
     return Chapter(
         name="summary", title="Summary", template="validation/summary.html.j2", missing=content.get("notes", ()),
-        facts={**content, "failed": content.get("failed", ()), "on_bench": tables["bench"].get("contact_on_bench"),
+        facts={**content, "summary": [row for row in content["summary"] if row.get("value") is not None],
+               "failed": content.get("failed", ()), "on_bench": tables["bench"].get("contact_on_bench"),
                "answer": tables["settings"].get("answer")})
 
 
