@@ -62,10 +62,11 @@ def test_values_are_numbers_in_their_form_or_words_and_unknown_ones_are_dashes()
 
 
 def test_rows_are_mappings_or_records_and_one_that_is_not_met_is_marked(page):
-    table = '{% call table("g", rows, (("met", "met"), ("n", "n", "{:.1f}"))) %}{% endcall %}'
+    table = '{% call table("g", rows, (("met", "met"), ("n", "n", "{:.1f}"), ("k", "nowhere"))) %}{% endcall %}'
     rows = [{"met": True}, {"met": False, "n": 2}, {"met": None}]
     text = page(table, rows=rows)
     assert text.count('<tr class="unmet">') == 1 and ">2.0</td>" in text
+    assert "nowhere" not in text, "a column of which nothing is known"
     assert page(table, rows=[Goal(row["met"], row.get("n")) for row in rows]) == text
 
 

@@ -28,16 +28,13 @@ from vsf_drake.analysis.validation.sensitivity_section import (
     DesignWalks,
     Factor,
     chosen_walks,
-    local_changes,
     sensitivity_factors,
     sensitivity_section,
     strongest_factors,
-    value_slopes,
     values_at,
 )
-from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, STEP_S, Section, Study, StudyOptions
+from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, STEP_S, Study, StudyOptions
 from vsf_drake.motion.events import find_stances
-from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.simulation.walk import Walker
 
@@ -295,11 +292,9 @@ def test_on_level_ground_a_person_further_ahead_only_moves_the_centre_of_pressur
         np.testing.assert_allclose(change[:, OUTPUTS.index(name)], 0.0, atol=1e-8)
 
 
-@pytest.mark.slow
 def test_on_small_ranges_morris_effects_are_the_exact_derivatives(walks, by_name):
-    """Over a fiftieth of the ranges the mean CoP is linear in the by_name: mu is its derivative."""
-    names = ("hip flexion", "prosthesis alignment", "forefoot foam stiffness", "axial socket stiffness", "keel modulus",
-             "foam exponent")
+    """Over a fiftieth of the ranges the mean CoP is linear in the factors: mu is its derivative."""
+    names = ("hip flexion", "axial socket stiffness", "foam exponent")
     chosen = []
     for name in names:
         one = by_name[name]
@@ -309,29 +304,17 @@ def test_on_small_ranges_morris_effects_are_the_exact_derivatives(walks, by_name
     design = morris_design(names, 4, seed=0)
     y = alone(design.points, factors=chosen)[:, 0, OUTPUTS.index("cop_shift_mm")]
     rows = morris_rows(design, y, seed=0)
-    variables, slopes = value_slopes(alone.trials[0], chosen)
-    trial, walker = alone.trials[0].trial, alone.trials[0].walker
-    run = walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
-                      step_s=STEP_S, offsets=trial.offsets, with_respect_to=variables)
-    by = compare_sensitivity(alone.trials[0].comparison, alone.trials[0].result, run.sensitivity)
-    exact = 1e3 * np.nanmean(by.cop[0][:, 0], axis=0) @ slopes
+    own = alone.trials[0]
+    trial, middle, step = own.trial, np.full(len(chosen), 0.5), 5e-5 * np.eye(len(chosen))
+    ahead, behind = (np.array([[*own.values(chosen, middle + sign * one).values()] for one in step])
+                     for sign in (1.0, -1.0))
+    run = own.walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                          step_s=STEP_S, offsets=trial.offsets, with_respect_to=tuple(own.values(chosen, middle)))
+    by = compare_sensitivity(own.comparison, own.result, run.sensitivity)
+    exact = 1e3 * np.nanmean(by.cop[0][:, 0], axis=0) @ (ahead - behind).T / 1e-4
     largest = np.abs(exact).max()
     np.testing.assert_allclose([row.mu for row in rows], exact, rtol=0.05, atol=0.01 * largest)
     assert all(row.sigma < 0.05 * largest for row in rows)
-
-
-@pytest.mark.slow
-def test_exact_changes_of_the_resultant_agree_with_a_walk_that_is_changed(walks, by_name):
-    one = by_name["hip flexion"]
-    small = dataclasses.replace(one, low=0.05 * one.low, high=0.05 * one.high)
-    alone = DesignWalks(embedded_study().walks[1:2])
-    predicted = local_changes(alone.trials, (small,))[0]
-    results = [walked(alone, 0, {"coordinate.hip_flexion_r": np.radians(sign * small.high)})[1] for sign in (1.0, -1.0)]
-    plate = alone.trials[0].trial.prosthetic_plate
-    sides = [compare(result, plate) for result in results]
-    size = [np.linalg.norm(c.model[c.scored], axis=1) for c in sides]
-    weight = alone.trials[0].trial.subject.mass_kg * GRAVITY
-    assert predicted == pytest.approx(np.sqrt(np.mean((0.5 * (size[0] - size[1])) ** 2)) / weight, rel=0.03)
 
 
 def test_a_walk_that_fails_is_counted_named_and_has_no_values():
@@ -366,11 +349,11 @@ def test_the_strongest_factors_are_so_by_any_of_the_main_outputs():
     assert strongest_factors(dict.fromkeys(effects)) == []
 
 
-def test_the_short_form_has_every_output_no_indices_and_no_derivatives(quick_validation):
+def test_the_short_form_has_every_output_and_no_indices(quick_validation):
     section = saved_section(quick_validation, "sensitivity")
     table = section.table
     assert any("no Sobol" in sentence for sentence in section.missing)
-    assert tuple(table.outputs) == OUTPUTS and table.blocks is None and table.local_agreement is None
+    assert tuple(table.outputs) == OUTPUTS and table.blocks is None
     names = [row.name for row in table.factors]
     for row in table.outputs.values():
         assert row.sobol is row.p05 is row.interaction is None
@@ -395,20 +378,14 @@ def test_without_a_measured_centre_of_pressure_the_other_outputs_are_there(monke
     assert section.table.outputs["cop_rmse_fl"].baseline is None
 
 
-@pytest.fixture(scope="module")
-def long() -> Section:
-    """The long form of one walk with few samples, in several portions."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in (("TRAJECTORIES", 4), ("GROUP_SAMPLES", 16), ("FACTOR_SAMPLES", 16), ("STRONGEST", 3),
-                            ("AT_ONCE", 100)):
-            patch.setattr(sensitivity, name, value)
-        study = embedded_study()
-        return sensitivity_section(dataclasses.replace(
-            study, walks=study.walks[1:2], options=StudyOptions(workers=1)))
-
-
 @pytest.mark.slow
-def test_the_long_form_has_indices_of_groups_and_of_the_strongest(long):
+def test_the_long_form_has_indices_of_groups_and_of_the_strongest(monkeypatch):
+    """Of one walk with few samples, in several portions."""
+    for name, value in (("TRAJECTORIES", 4), ("GROUP_SAMPLES", 16), ("FACTOR_SAMPLES", 16), ("STRONGEST", 3),
+                        ("AT_ONCE", 100)):
+        monkeypatch.setattr(sensitivity, name, value)
+    study = embedded_study()
+    long = sensitivity_section(dataclasses.replace(study, walks=study.walks[1:2], options=StudyOptions(workers=1)))
     table = long.table
     assert table.failed == 0 and any("One condition only" in sentence for sentence in long.missing)
     for row in table.outputs.values():
@@ -416,18 +393,7 @@ def test_the_long_form_has_indices_of_groups_and_of_the_strongest(long):
         assert {one.name for one in row.sobol_factors} == {*table.strongest}
         assert row.p05 < row.p50 < row.p95 and row.dropped == 0
         assert row.interaction == pytest.approx(1.0 - sum(one.s1 for one in row.sobol))
-
-
-@pytest.mark.slow
-def test_the_pelvis_place_on_the_floor_moves_no_force_and_the_legs_angles_do(long):
-    effects = {row.name: row.mu_star for row in long.table.outputs["grf_rmse_bw"].morris}
-    derivatives = {row.name: row.local_grf_bw for row in long.table.factors}
-    for name in ("pelvis fore-aft", "pelvis sideways"):
-        assert effects[name] < 1e-9 and derivatives[name] < 1e-9
-    # 1.2 degrees move the foot by 2 cm about the hip and by half of that about the knee; foam and socket give by 1 cm.
-    assert 0.03 < derivatives["hip flexion"] and 0.02 < derivatives["knee flexion"] < derivatives["hip flexion"]
-
-
-@pytest.mark.slow
-def test_screening_and_exact_derivatives_rank_the_factors_alike(long):
-    assert long.table.local_agreement > 0.8
+    effects = {row.name: row.mu_star for row in table.outputs["grf_rmse_bw"].morris}
+    assert max(effects["pelvis fore-aft"], effects["pelvis sideways"]) < 1e-9  # a place on the floor moves no force
+    # 1.2 degrees move the foot by 2 cm about the hip and by half of that about the knee; foam and socket give by 1 cm
+    assert 0.06 < effects["hip flexion"] and 0.04 < effects["knee flexion"] < effects["hip flexion"]

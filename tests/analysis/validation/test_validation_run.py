@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import errno
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,6 @@ from made_study import embedded_study
 from vsf_drake.analysis.validation import run as running
 from vsf_drake.analysis.validation.run import Part, SectionStore, study_key, summary_rows
 from vsf_drake.analysis.validation.study import Section
-from vsf_drake.errors import InputError, SimulationError
 
 
 @dataclass(frozen=True)
@@ -54,16 +52,6 @@ def test_what_is_kept_is_taken_away_and_nothing_else(tmp_path):
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["thesis.txt"]
 
 
-def test_a_full_disk_is_told_as_such(tmp_path, monkeypatch):
-    def full(*args, **arrays):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(np, "savez_compressed", full)
-    with pytest.raises(InputError, match="No space left"):
-        SectionStore(tmp_path / "kept", "key").write("walking", SECTION, 1.5)
-    assert not list((tmp_path / "kept").iterdir())
-
-
 def test_the_key_is_of_what_the_numbers_depend_on():
     study = embedded_study()
     own = study_key(study)
@@ -97,17 +85,6 @@ def test_an_interrupted_validation_goes_on_where_it_stopped_and_tells_its_progre
     assert count == {"first": 1, "second": 2}
     assert [finished[name].section.table for name in count] == [SECTION.table, Found(0.5)]
     assert seen == [("first: starting", 0.0), ("first: half", 0.125), ("second: starting", 0.25)]
-
-
-def test_a_section_that_fails_stops_no_other_and_is_named(monkeypatch):
-    def diverges(study, *, progress=None):
-        raise SimulationError("the keel gave way", time_s=0.1)
-
-    monkeypatch.setattr(running, "_SECTIONS", {
-        "first": Part(diverges, Found, 1.0), "second": Part(lambda study, *, progress=None: SECTION, Found, 1.0)})
-    finished = running.run_sections(embedded_study())
-    assert finished["first"].section is None and "keel gave way" in finished["first"].failure
-    assert finished["second"].section is SECTION
 
 
 @pytest.mark.parametrize(("key", "value", "met", "shown", "asked"), [

@@ -132,13 +132,6 @@ def edited(out, change):
     return VALIDATION.remake(out), (out / "report.html").read_text(encoding="utf-8")
 
 
-def test_results_that_say_doubts_where_this_version_says_warnings_are_shown_whole(tmp_path):
-    row = {"label": "one", "fulcrum_mm": 66.0, "role": "fitted", "height_mm": 0.0, "fore_aft_mm": 0.0,
-           "alignment_deg": 0.0, "synthetic": True, "doubts": "An odd heading."}
-    _, text = edited(tmp_path / "out", lambda table: table.update(trials=[row]))
-    assert "An odd heading." in text
-
-
 def test_a_table_that_cannot_be_shown_leaves_the_rest_of_its_chapter(tmp_path, templates):
     templates["made_walking.html.j2"] = """
         <p>First.</p>

@@ -23,7 +23,6 @@ from vsf_drake.analysis.comparison import (
     Comparison,
     StanceComparison,
     compare,
-    compare_sensitivity,
     filtered_while_loaded,
     partner,
     percent_instants,
@@ -87,15 +86,6 @@ class FactorRange:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FactorRow(FactorRange):
-    """The same with its local effect."""
-
-    local_grf_bw: float | None
-    """Change of the resultant for half the range, by exact derivatives; None in the short form, which spares compiling
-    them."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class WalkedCondition:
     """The trial of a condition."""
 
@@ -127,7 +117,7 @@ class OutputRow:
 class SensitivityTable:
     """The sensitivity study."""
 
-    factors: tuple[FactorRow, ...]
+    factors: tuple[FactorRange, ...]
     conditions: tuple[WalkedCondition, ...]
     indexed: int  # the place of the condition that indices and percentiles are of
     strongest: tuple[str, ...]
@@ -139,7 +129,6 @@ class SensitivityTable:
     blocks: tuple[int, int] | None  # Saltelli's, for groups and for single factors
     seed: int
     synthetic: bool
-    local_agreement: float | None  # rank correlation of the exact derivatives and the screening
     outputs: Mapping[str, OutputRow]  # by OUTPUTS
 
 
@@ -148,12 +137,12 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
     quick, seed = study.options.quick, study.options.seed
     walked = chosen_walks(study, one=quick)
     show = progress or (lambda what, fraction: None)
-    show("as the study is" if quick else "exact derivatives", 0.0)
+    show("as the study is", 0.0)
     with chosen(study.options.workers, None, AT_ONCE) as (executor, most):
         walks = DesignWalks(walked, executor=executor, count=max(1, most // 2))
         factors = sensitivity_factors(walks.trials[0].variables, walked[0].trial.subject.prosthetic_side)
         names, middle = [factor.name for factor in factors], len(walked) // 2
-        baseline, local = walks.baseline(), None if quick else local_changes(walks.trials, factors)
+        baseline = walks.baseline()
         screen = morris_design(names, QUICK_TRAJECTORIES if quick else TRAJECTORIES, seed)
         total = len(screen.points) * len(walked) + (0 if quick else (
             GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2) + FACTOR_SAMPLES * (STRONGEST + 2)))
@@ -188,18 +177,15 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
             dropped=sum(dropped(part.design, part.of(i)) for part in (screened, grouped, single) if part is not None),
             morris=morris[name], sobol=sobol, sobol_factors=of_factors)
 
-    of_error, ranges = morris["grf_rmse_bw"], [one.name for one in dataclasses.fields(FactorRange)]
+    ranges = [one.name for one in dataclasses.fields(FactorRange)]
     table = SensitivityTable(
-        factors=tuple(FactorRow(local_grf_bw=None if local is None else float(local[i]), **{
-            key: getattr(factor, key) for key in ranges}) for i, factor in enumerate(factors)),
+        factors=tuple(FactorRange(**{key: getattr(factor, key) for key in ranges}) for factor in factors),
         conditions=tuple(WalkedCondition(label=walk.label, fulcrum_mm=walk.fulcrum_mm, role=walk.role)
                          for walk in walked),
         indexed=middle, strongest=tuple(strongest), walks=walks.walked, unconverged=walks.unconverged,
         failed=len(walks.failures), first_failure=next(iter(walks.failures), ""),
         trajectories=len(screen.points) // screen.block, blocks=None if quick else (GROUP_SAMPLES, FACTOR_SAMPLES),
         seed=seed, synthetic=any(walk.trial.synthetic for walk in walked),
-        local_agreement=None if of_error is None or local is None else finite(
-            spearmanr([row.mu_star for row in of_error], local).statistic),
         outputs={name: output_row(i, name) for i, name in enumerate(OUTPUTS)})
     without = [walk.label for walk in walked if not walk.trial.prosthetic_plate.has_cop]
     return Section(table=table, missing=tuple(say(
@@ -227,39 +213,6 @@ def strongest_factors(morris: Mapping[str, Sequence[Effect] | None]) -> list[str
         for row in rows if most > 0.0 else ():
             share[row.name] = max(share.get(row.name, 0.0), row.mu_star / most)
     return sorted(share, key=lambda name: -share[name])[:STRONGEST]
-
-
-# What each factor does about the study's values, by exact derivatives: a second way to the same, without sampling.
-
-_LEAST_N = 1.0
-"""Below this a resultant's direction, and with it its derivative, means nothing."""
-_DIFFERENCE = 1e-4
-"""Share of a range over which the values' slopes are taken; they are smooth and known in closed form."""
-
-
-def value_slopes(trial: DesignTrial, factors: Sequence[Factor]) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names of the variables that the factors change, and (variables, k) d value / d share in the middle of the ranges.
-    """
-    middle, step = np.full(len(factors), 0.5), 0.5 * _DIFFERENCE * np.eye(len(factors))
-    ahead, behind = (np.array([[*trial.values(factors, middle + sign * one).values()] for one in step])
-                     for sign in (1.0, -1.0))
-    return tuple(trial.values(factors, middle)), (ahead - behind).T / _DIFFERENCE
-
-
-def local_changes(trials: Sequence[DesignTrial], factors: Sequence[Factor]) -> np.ndarray:
-    """(k,) root mean square change of the resultant GRF (BW, 40 Hz, scored instants) for half of each range: linear,
-    about the study's values, mean over the trials."""
-    changes = []
-    for trial in trials:
-        names, slopes = value_slopes(trial, factors)
-        run, c = trial.run(with_respect_to=names), trial.comparison
-        assert run.sensitivity is not None
-        by = compare_sensitivity(c, trial.result, run.sensitivity).model[c.scored] @ slopes
-        force = c.model[c.scored]
-        way = force / np.maximum(np.linalg.norm(force, axis=1), _LEAST_N)[:, None]
-        change = 0.5 * np.einsum("ni,nik->nk", way, by) / trial.weight_n
-        changes.append(np.sqrt(np.mean(change**2, axis=0)))
-    return np.asarray(np.mean(changes, axis=0))
 
 
 # What is read off the walked designs of the sensitivity study, by output.

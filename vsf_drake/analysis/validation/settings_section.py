@@ -2,8 +2,8 @@
 
 Every motion is walked at every position with all else equal (`settings_walks`); the difference of an outcome y that the
 model then predicts, y(x2) - y(x1), is held against what is detectable. Somebody who walks at another setting moves
-otherwise, so the settings are also compared as they were walked (`walked_rows`). As an independent route the fulcrum is
-estimated from the force alone. The error of a difference has two independent parts:
+otherwise, so the settings are also compared as they were walked (`walked_rows`). The error of a difference has two
+independent parts:
 
 1. Kinematic noise, by Monte Carlo. Draw d of trial t is a session with recordings r = 1, 2 of the same stride:
 
@@ -127,34 +127,6 @@ class WalkedPair:
 
 
 @dataclass(frozen=True, kw_only=True)
-class InverseRow:
-    """Where one trial's fulcrum (mm) seems to be without noise, and the scatter of the noisy estimates: over sessions
-    and recordings, and over recordings alone."""
-
-    label: str
-    role: str
-    fulcrum_mm: float
-    estimate_mm: float | None
-    sd_mm: float | None
-    sd_recording_mm: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Inverse:
-    """The estimates of all trials; pooled over those that stood between the ends, and over all with the model's own
-    walk at `middle_mm` as target."""
-
-    rows: tuple[InverseRow, ...]
-    middle_mm: float
-    trials_interior: int
-    sd_mm: float | None
-    sd_recording_mm: float | None
-    bias_rms_mm: float | None
-    model_sd_mm: float | None
-    model_sd_recording_mm: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
 class SettingsTable:
     """The section "Can two settings be told apart?"; with the first alone if nothing could be walked."""
 
@@ -175,7 +147,6 @@ class SettingsTable:
     curves: tuple[CurveDifference, ...] = ()
     as_walked: tuple[WalkedPair, ...] = ()
     as_walked_apart_bw: tuple[float, ...] = ()  # RMS between the mean measured resultants of two recorded settings
-    inverse: Inverse | None = None
 
 
 def settings_section(study: Study, *, progress: Progress | None = None) -> Section[SettingsTable]:
@@ -199,7 +170,6 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
     model = model_error(np.array([base.simulated.values - base.measured.values for base in held_out]
                                  ).reshape(-1, len(NAMES)))
     stiffness, at_positions = _stiffness(foot, positions)
-    inverse = inverse_table(positions_mm, walked)
     outcomes, pairs = outcome_rows(positions_mm, walked, model, stiffness), pair_rows(positions_mm, walked, model)
     as_walked = walked_rows(bases)
     table = SettingsTable(
@@ -209,13 +179,13 @@ def settings_section(study: Study, *, progress: Progress | None = None) -> Secti
         failed_walks=sum(w.failed for w in walked), synthetic=study.synthetic, held_out_trials=len(held_out),
         held_out_rmse_bw=spread(base.walk.metrics.grf_rmse_bw for base in held_out).mean,
         trials_mm=tuple(base.walk.fulcrum_mm for base in bases), curves=tuple(curve_rows(positions_mm, walked)),
-        as_walked=tuple(as_walked), as_walked_apart_bw=tuple(_walked_apart(bases)), inverse=inverse)
-    return Section(table=table, arrays={"effects": np.array([w.alone["values"] for w in walked])},
+        as_walked=tuple(as_walked), as_walked_apart_bw=tuple(_walked_apart(bases)))
+    return Section(table=table, arrays={"effects": _both(walked)[0]},
                    missing=tuple(unused + say(
         "settings", "missing", held_out=len(held_out), fewest=FEWEST, conditions=len(study.conditions()),
         own_plates=any(base.walk.role == OFFSETS_FITTED for base in bases),
         has_cop=any(base.walk.trial.prosthetic_plate.has_cop for base in bases),
-        interior=inverse.sd_mm is not None, failed=table.failed_walks, quick=quick)))
+        failed=table.failed_walks, quick=quick)))
 
 
 def _bases(study: Study) -> tuple[list[Base], list[tuple[str, str]], list[str]]:
@@ -369,7 +339,7 @@ def outcome_rows(
     apart = np.unique(np.append(np.arange(1.0, reach, 1.0), [min(REFERENCE_MM, reach), reach]))
     reference = int(np.flatnonzero(apart == min(REFERENCE_MM, reach))[0])
     ends = [[_between(positions_mm, values, middle + sign * apart / 2) for sign in (-1.0, 1.0)]
-            for values in _both(walked, "values")]
+            for values in _both(walked)]
     effect = _mean(ends[0][1] - ends[0][0])
     noises = {design: noise_variance(design, *ends[1]) for design in DESIGNS}
     rows = []
@@ -395,7 +365,7 @@ def outcome_rows(
 
 def pair_rows(positions_mm: np.ndarray, walked: Sequence[SettingWalk], model: ModelError) -> list[PairRow]:
     """The effect of each pair of positions with the motion held, and what is detectable."""
-    base, noisy = _both(walked, "values")
+    base, noisy = _both(walked)
     rows = []
     for i, j in combinations(range(len(positions_mm)), 2):
         effect, limits = _mean(base[:, j] - base[:, i]), {}
@@ -460,9 +430,9 @@ def _walked_apart(bases: Sequence[Base]) -> list[float]:
     return [rms(b - a) for a, b in combinations(means, 2)]
 
 
-def _both(walked: Sequence[SettingWalk], name: str) -> tuple[np.ndarray, np.ndarray]:
-    """(T, ...) of all trials: without noise, and with it."""
-    return np.array([w.alone[name] for w in walked]), np.array([w.noisy[name] for w in walked])
+def _both(walked: Sequence[SettingWalk]) -> tuple[np.ndarray, np.ndarray]:
+    """(T, ...) outcomes of all trials: without noise, and with it."""
+    return np.array([w.alone for w in walked]), np.array([w.noisy for w in walked])
 
 
 def _between(positions: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -483,73 +453,3 @@ def _exceeds(effect: float | None, limit: float | None) -> bool | None:
     if effect is None or limit is None or not np.isfinite([effect, limit]).all():
         return None
     return bool(abs(effect) > limit)
-
-
-# The inverse question: where does the fulcrum seem to be, told by the force alone?
-#
-# A walk whose kinematics carry noise is compared, at each position of the fulcrum, with a resultant force that has
-# none: the position with the least root mean square difference (resultant low-passed at 40 Hz, time-locked, stance ±
-# 0.25 s) is the estimate. Between the positions that were walked the resultant of every instant is interpolated by a
-# monotone cubic; against walks every 8.5 mm this moves an estimate by less than 1 mm. Nothing else is fitted: offsets
-# that a laboratory would fit anew in each session would take up part of the noise, and part of the fulcrum.
-#
-# The target is the measured plate, where the trial's own fulcrum stood between the ends of the range (at an end an
-# estimate can err to one side only, which would flatter its spread); and, for every trial, the model's own walk without
-# noise at the middle of the range, which leaves out the error of the model.
-
-FINE_MM = 0.5
-
-
-def fulcrum_estimates(positions_mm: np.ndarray, locked: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """(...) mm, the position at which the resultants `locked` (..., P, n) at positions (P,), rising, fit `target` (n,)
-    best; NaN where a walk is missing."""
-    fine = np.append(np.arange(positions_mm[0], positions_mm[-1], FINE_MM), positions_mm[-1])
-    walks = locked.reshape(-1, *locked.shape[-2:])
-    estimates = np.full(len(walks), np.nan)
-    for i, curves in enumerate(walks):
-        if np.isfinite(curves).all():
-            error = np.mean((PchipInterpolator(positions_mm, curves, axis=0)(fine) - target) ** 2, axis=1)
-            estimates[i] = _lowest(fine, error)
-    return estimates.reshape(locked.shape[:-2])
-
-
-def inverse_table(positions_mm: np.ndarray, walked: Sequence[SettingWalk]) -> Inverse:
-    """What the estimates say."""
-    middle = 0.5 * (positions_mm[0] + positions_mm[-1])
-    rows, virtual = [], []
-    for w in walked:
-        base, locked = w.base, w.alone["locked"]
-        plate = np.interp(w.time_s, base.measured.time_s, base.measured.locked)
-        own = PchipInterpolator(positions_mm, locked, axis=0)(middle) if np.isfinite(locked).all() \
-            else np.full(len(w.time_s), np.nan)
-        sd, sd_recording = _spreads(fulcrum_estimates(positions_mm, w.noisy["locked"], plate))
-        virtual.append(_spreads(fulcrum_estimates(positions_mm, w.noisy["locked"], own)))
-        rows.append(InverseRow(
-            label=base.walk.label, role=base.walk.role, fulcrum_mm=base.walk.fulcrum_mm,
-            estimate_mm=finite(float(fulcrum_estimates(positions_mm, locked, plate))), sd_mm=sd,
-            sd_recording_mm=sd_recording))
-    interior = [row for row in rows if positions_mm[0] + 1.0 < row.fulcrum_mm < positions_mm[-1] - 1.0]
-    return Inverse(
-        rows=tuple(rows), middle_mm=float(middle), trials_interior=len(interior),
-        sd_mm=finite(rms(row.sd_mm for row in interior)),
-        sd_recording_mm=finite(rms(row.sd_recording_mm for row in interior)),
-        bias_rms_mm=finite(rms(row.estimate_mm - row.fulcrum_mm for row in interior if row.estimate_mm is not None)),
-        model_sd_mm=finite(rms(sd for sd, _ in virtual)), model_sd_recording_mm=finite(rms(sd for _, sd in virtual)))
-
-
-def _spreads(estimates: np.ndarray) -> tuple[float | None, float | None]:
-    """Of (D, 2) estimates, two recordings a draw: SD over the draws, SD over the recordings of a draw."""
-    return (finite(rms(spread(recording).sd for recording in estimates.T)),
-            finite(np.sqrt(0.5) * rms(np.diff(estimates, axis=1).ravel())))  # the difference has twice the variance
-
-
-def _lowest(x: np.ndarray, y: np.ndarray) -> float:
-    """Where y is least, on the parabola through its lowest sample and the two beside it."""
-    i = int(np.argmin(y))
-    if not 0 < i < len(x) - 1:
-        return float(x[i])
-    before, after = x[i - 1] - x[i], x[i + 1] - x[i]
-    left, right = (y[i - 1] - y[i]) / before, (y[i + 1] - y[i]) / after
-    curvature = (right - left) / (after - before)
-    return float(x[i] + np.clip(-0.5 * (left - curvature * before) / curvature, before, after)) if curvature > 0.0 \
-        else float(x[i])

@@ -65,15 +65,11 @@ class Base:
 @dataclass(frozen=True, eq=False)
 class SettingWalk:
     """Walks of one base trial at P positions, without noise and with D draws of R = 2 recordings; NaN where one failed.
-
-    By name: `values` (P, O) outcomes in the order of NAMES; `locked` (P, n) BW, the resultant at `time_s`.
     """
 
-    base: Base
     resultant: np.ndarray  # (P, 101) BW over the own stance, without noise
-    alone: dict[str, np.ndarray]
-    noisy: dict[str, np.ndarray]  # the same, each (D, R, P, ...)
-    time_s: np.ndarray  # (n,)
+    alone: np.ndarray  # (P, O) outcomes in the order of NAMES, without noise
+    noisy: np.ndarray  # (D, R, P, O)
     failed: int  # walks that failed or have no whole stance
 
 
@@ -118,14 +114,10 @@ def walk_all(
 
             records = [base.record(outcome) for outcome in simulate_batch(
                 cases, keep=KEEP, executor=pool, workers=max(1, most // 2), progress=show)]
-            time = next((record.time_s for record in records if record is not None), np.empty(0))
-            alone, noisy = {}, {}
-            for name, size in (("values", len(NAMES)), ("locked", len(time))):
-                values = _known(records, name, size).reshape(1 + RECORDINGS * draws, len(positions_m), size)
-                alone[name] = values[0]
-                noisy[name] = values[1:].reshape(draws, RECORDINGS, len(positions_m), size)
-            resultant = _known(records[: len(positions_m)], "resultant", len(PERCENT))
-            every.append(SettingWalk(base, resultant, alone, noisy, time, records.count(None)))
+            values = _known(records, "values", len(NAMES)).reshape(1 + RECORDINGS * draws, len(positions_m), len(NAMES))
+            every.append(SettingWalk(
+                _known(records[: len(positions_m)], "resultant", len(PERCENT)), values[0],
+                values[1:].reshape(draws, RECORDINGS, *values.shape[1:]), records.count(None)))
     return every
 
 
@@ -181,8 +173,6 @@ class StanceRecord:
 
     values: np.ndarray  # (12,) outcomes in the order of NAMES; NaN for what the record does not tell
     resultant: np.ndarray  # (101,) BW at 0-100 % of the own stance
-    time_s: np.ndarray  # (n,) evenly spaced
-    locked: np.ndarray  # (n,) BW, the resultant there, not shifted in time
 
 
 def stance_record(
@@ -230,7 +220,7 @@ def stance_record(
         lost = np.interp(stance.end_s, time_s, loss) - loss[top]
         values |= {"energy_stored_j": strain[top] - start, "energy_returned_j": strain[top] - end - lost}
     return StanceRecord(values=np.array([values[name] for name in NAMES]),
-                        resultant=np.interp(instants, grid, resultant), time_s=grid, locked=resultant)
+                        resultant=np.interp(instants, grid, resultant))
 
 
 # Errors that a gait laboratory makes in joint angles, drawn at random and added to a recording.

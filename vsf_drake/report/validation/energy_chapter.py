@@ -57,11 +57,7 @@ def energy_chapter(table: EnergyTable, arrays: Arrays) -> Chapter:
             "remainder_ratios": [row.coarse_remainder_max_j / row.remainder_max_j for row in trials
                                  if row.coarse_remainder_max_j is not None and row.remainder_max_j > 0.0],
             "lost_first_j": sum(trials[0].terms_j[f"{name}_j"] for name in table.terms if name.endswith("_loss")),
-            "beam_ratios": [(row.keel_at_most_j + row.fulcrum_at_most_j) / row.beam_j for row in trials if row.beam_j],
-            "ledger_columns": [
-                ("label", "trial"), *((f"{name}_j", f"{text} (J)", "{:.4f}" if name == "remainder" else "{:.2f}")
-                                      for name, text in _WORDS.items()),
-                ("remainder_share", "largest remainder (% stored)", "{:.3f}", 100.0)]}
+            "beam_ratios": [(row.keel_at_most_j + row.fulcrum_at_most_j) / row.beam_j for row in trials if row.beam_j]}
         figures = {"energy_stance": _stance_figure(table, arrays), "energy_ledger": _ledger_figure(table),
                    "energy_power": _power_figure(table, arrays)}
         if table.same_load or table.same_motion:

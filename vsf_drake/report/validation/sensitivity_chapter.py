@@ -105,11 +105,8 @@ def _output_row(name: str, row: OutputRow) -> dict[str, object]:
 
 def _screening_table(table: SensitivityTable, screened: Sequence[str]) -> dict[str, Any]:
     """All factors by all outputs: mu*, and of the main ones its interval, mu and sigma."""
-    columns: list[tuple[Any, ...]] = [
-        ("factor", "factor"), ("group", "group"),
-        ("local_grf_bw", "resultant, derivative (% BW)", "{:.2f}", 100.0)]
-    rows = {row.name: {"factor": row.name, "group": row.group, "local_grf_bw": row.local_grf_bw}
-            for row in table.factors}
+    columns: list[tuple[Any, ...]] = [("factor", "factor"), ("group", "group")]
+    rows: dict[str, dict[str, object]] = {row.name: {"factor": row.name, "group": row.group} for row in table.factors}
     for name, output in OUTPUTS.items():
         effects = table.outputs[name].morris
         if effects:

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from vsf_drake.files import plain
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MARKERS, NEUTRAL, Arrays, colour_of, drawing, label
+from vsf_drake.report.style import MARKERS, Arrays, colour_of, drawing, label
 
 if TYPE_CHECKING:
     from vsf_drake.analysis.validation.settings_section import OutcomeRow, PairRow, SettingsTable
@@ -26,9 +26,6 @@ DESIGNS = {"same_recording": "same recording", "same_session": "two recordings, 
 _SHADES = {"two_sessions": "0.93", "same_session": "0.84", "same_recording": "0.70"}
 _FACES = {True: "0.25", False: "0.93", None: "white"}
 """Told apart, not, and not known."""
-_DARK = ("black", "0.35", "0.6")
-_LIMIT = 1.96 * 2.0**0.5
-"""A standard deviation of one estimate to the 95 % limit of the difference of two."""
 
 
 def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
@@ -36,8 +33,7 @@ def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
     facts, figures = dict(vars(table)), {}
     if table.outcomes:
         facts |= _facts(table)
-        figures = {"settings_effects": _effect_figure(table, arrays), "settings_travel": _travel_figure(table),
-                   "settings_pairs": _pairs_figure(table)}
+        figures = {"settings_effects": _effect_figure(table, arrays), "settings_pairs": _pairs_figure(table)}
     return Chapter(name="settings", title=TITLE, template="validation/settings.html.j2", facts=facts, figures=figures)
 
 
@@ -49,18 +45,13 @@ def _facts(table: SettingsTable) -> dict[str, Any]:
     known = any(_limited(row) for row in outcomes)
     changes = [(row, row.limits["sdd_same_recording" if _limited(row) else "noise_sdd_same_recording"])
                for row in outcomes if row.name in SHOWN]
-    reached, apart, two_estimates = [], [], []
+    reached, apart = [], []
     for design, title in DESIGNS.items():
-        travels = _travels(outcomes, f"{'smallest' if known else 'noise'}_travel_mm_{design}")
+        travels = [(travel, row.title) for row in outcomes
+                   if (travel := row.limits[f"{'smallest' if known else 'noise'}_travel_mm_{design}"]) is not None]
         reached += [(title, *min(travels), len(travels))] if travels else []
         verdicts = [told_apart(row, design) for row in table.pairs]
         apart.append((title, verdicts.count(True), len(verdicts) - verdicts.count(None)))
-    estimates = table.inverse and (("same_session", table.inverse.model_sd_recording_mm),
-                                   ("two_sessions", table.inverse.model_sd_mm))
-    for design, sd in estimates or ():
-        if sd is not None:
-            sharpest = min(_travels(outcomes, f"noise_travel_mm_{design}"), default=(None,))[0]
-            two_estimates.append((DESIGNS[design], _LIMIT * sd, sharpest))
     titles = {row.name: f"{row.title} ({row.unit})" for row in outcomes}
     words = {True: "yes", False: "no", None: None}
     return {
@@ -70,7 +61,7 @@ def _facts(table: SettingsTable) -> dict[str, Any]:
         "walked_percent": [100.0 * apart_bw for apart_bw in table.as_walked_apart_bw],
         "changes": [(row, limit) for row, limit in sorted(changes, key=lambda item: SHOWN.index(item[0].name))
                     if row.effect_ends is not None and limit is not None],
-        "reached": reached, "apart": apart, "two_estimates": two_estimates, "poor_judge": poor_judge(table.pairs),
+        "reached": reached, "apart": apart, "poor_judge": poor_judge(table.pairs),
         "walked_rows": [{**vars(row), "title": titles[row.outcome], "told": words[row.told_apart],
                          "strides": words[row.beyond_strides]} for row in table.as_walked]}
 
@@ -79,11 +70,6 @@ def told_apart(row: PairRow, design: str) -> bool | None:
     """Whether the effect exceeds what is detectable; None where that is not known."""
     limit = row.limits[f"limit_{design}"]
     return None if row.effect is None or limit is None else abs(row.effect) > limit
-
-
-def _travels(outcomes: Sequence[OutcomeRow], key: str) -> list[tuple[float, str]]:
-    """The travels (mm) under this key that are known, with the outcome's title."""
-    return [(travel, row.title) for row in outcomes if (travel := row.limits[key]) is not None]
 
 
 def poor_judge(pairs: Sequence[PairRow]) -> PairRow | None:
@@ -179,31 +165,4 @@ def _pairs_figure(table: SettingsTable) -> Figure:
         handles = [Patch(facecolor=_FACES[apart], edgecolor="0.7", label=text)
                    for apart, text in ((True, "told apart"), (False, "not told apart"))]
         figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    return figure
-
-
-def _travel_figure(table: SettingsTable) -> Figure:
-    """The smallest detectable travel of the fulcrum by outcome and design."""
-    rows, reach = table.outcomes, table.positions_mm[-1] - table.positions_mm[0]
-    with drawing(9.6, 1.5 + 0.27 * len(rows)) as figure:
-        axes = figure.subplots()
-        axes.axvspan(reach, 1.16 * reach, color="0.93", zorder=0)
-        handles = []
-        for k, (design, title) in enumerate(DESIGNS.items()):
-            own = [(i, row) for i, row in enumerate(rows) if _limited(row) or design != "same_recording"]
-            if not own:
-                continue
-            look: dict[str, Any] = {"marker": MARKERS[k], "color": _DARK[k], "linestyle": "", "markersize": 6.5}
-            for i, row in own:
-                travel = row.limits[f"{'smallest' if _limited(row) else 'noise'}_travel_mm_{design}"]
-                axes.plot(1.08 * reach if travel is None else travel, i + 0.22 * (k - 1), clip_on=False,
-                          markerfacecolor=_DARK[k] if travel is not None else "white", **look)
-            handles.append(Line2D([], [], label=title, **look))
-        handles.append(Line2D([], [], color=NEUTRAL, markerfacecolor="white", marker="o", linestyle="",
-                              label="more than the range"))
-        _name_outcomes(axes, rows)
-        axes.set_ylim(len(rows) - 0.5, -0.5)
-        axes.set_xlim(0.0, 1.16 * reach)
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-        label(axes, x="smallest detectable travel of the fulcrum, around the middle of its range (mm)", y="")
     return figure
