@@ -24,7 +24,7 @@ from made_c3d import MadePlate, rectangle, write_c3d
 from made_contact import made_contact
 from made_fit import made_fit
 from made_laboratory import Laboratory
-from made_results import make_bench, make_walk
+from made_results import make_walk
 from made_scenario import one_of_everything
 from made_trial import TrialFiles
 from made_tuning import made_arrays, made_schedule, made_table, small_table
@@ -48,8 +48,8 @@ from vsf_drake.model_file import load_model
 from vsf_drake.motion import read_trial
 from vsf_drake.motion.formats.read import list_labels
 from vsf_drake.motion.formats.recording import Plate
-from vsf_drake.motion.formats.tables import read_storage, write_forces_mot
-from vsf_drake.motion.manifest import load_manifest, load_stated_subject
+from vsf_drake.motion.formats.tables import write_forces_mot
+from vsf_drake.motion.manifest import load_stated_subject
 from vsf_drake.motion.markers.maps import load_marker_map
 from vsf_drake.motion.trial import load_subject, load_trial
 from vsf_drake.report.fit_output import FIT
@@ -60,7 +60,7 @@ from vsf_drake.scenario import load_scenario
 from vsf_drake.simulation.archive import check_target
 from vsf_drake.simulation.batch.cases import WorkerTask
 from vsf_drake.simulation.batch.run import Kind, Reply, WalkCache
-from vsf_drake.simulation.results import load_bench, load_walk, save_bench, save_walk
+from vsf_drake.simulation.results import load_walk, save_walk
 
 MOST_S, MOST_BYTES = 10.0, 300_000_000
 FRAMES, SAMPLES = 20, 40
@@ -133,8 +133,6 @@ READERS = (
     Reader("c3d", ("a.c3d",), (*RECORDING, list_labels), consistent),
     Reader("trc", ("a.trc",), (*RECORDING, list_labels), consistent),
     Reader("forces", ("a.mot", "a.sto", "a.csv", "a.forces"), RECORDING, consistent),
-    Reader("storage", ("a.mot", "a.sto"), (read_storage,), anything),
-    Reader("manifest", ("trial.yaml",), (load_manifest,), sound),
     Reader("trial", MANIFESTS, (in_folder(lambda folder: load_trial(folder / "trial.yaml")),), sound, slow=2),
     Reader("markers", ("trial.yaml", "subject.yaml", "static.trc", "walk.trc", "walk.mot"),
            (in_folder(lambda folder: load_trial(folder / "trial.yaml")),), sound, slow=60),
@@ -149,7 +147,6 @@ READERS = (
     Reader("walk", ("result.yaml", "result.npz"),
            (in_folder(load_walk), in_folder(lambda out: check_target(out, "walk"))), anything,
            signed="result.yaml", slow=2),
-    Reader("bench", ("result.yaml", "result.npz"), (in_folder(load_bench),), anything, signed="result.yaml", slow=2),
     Reader("fit", ("fit.json", "fit.npz", "checkpoint.json"),
            (in_folder(FIT.read), in_folder(FIT.check),
             in_folder(lambda out: Checkpoint(out / "checkpoint.json", resume=True))), anything, signed="fit.json"),
@@ -248,7 +245,7 @@ def small_trial() -> Any:
 
 def _write_recordings(folder: Path) -> None:
     """A recording in each format, and two trials."""
-    for name in ("c3d", "trc", "forces", "storage", "manifest", "trial", "markers"):
+    for name in ("c3d", "trc", "forces", "trial", "markers"):
         (folder / name).mkdir()
     at = np.random.default_rng(1).uniform([0, -0.3, 0.05], [0.3, 0.3, 1.6], (6, 3))
     markers = {f"M{k}": p + np.outer(np.linspace(0, 1, FRAMES), [1, 0, 0]) for k, p in enumerate(at)}
@@ -260,8 +257,8 @@ def _write_recordings(folder: Path) -> None:
     write_c3d(folder / "c3d" / "a.c3d", markers, plates=kinds, subframes=2)
     write_trc(folder / "trc" / "a.trc", markers, rate_hz=20.0)
     plate, at_s = Plate("r", force, cop, 3 * phase), np.arange(SAMPLES) / 100
-    for path in (f"{name}/a{suffix}" for name in ("forces", "storage") for suffix in (".mot", ".sto")):
-        write_forces_mot(folder / path, time_s=at_s, plates={"r": plate, "l": plate})
+    for suffix in (".mot", ".sto"):
+        write_forces_mot(folder / f"forces/a{suffix}", time_s=at_s, plates={"r": plate, "l": plate})
     rows = np.column_stack([at_s, force[:, [0, 2, 1]], cop[:, [0, 2, 1]], phase])
     text = "\n".join(",".join(repr(float(x)) for x in row) for row in rows)
     (folder / "forces" / "a.csv").write_text(f"time,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1,Mz1\ns,N,N,N,m,m,m,Nm\n{text}\n")
@@ -270,8 +267,7 @@ def _write_recordings(folder: Path) -> None:
     (folder / "forces" / "a.forces").write_text(
         "[Force Data]\nNumberOfForcePlates=1\nSampleRate=100.0\nNumberOfSamples=40\n"
         f"#Sample\tFX1\tFY1\tFZ1\tX1\tY1\tZ1\tMZ1\n{text}\n")
-    for name in ("manifest", "trial"):
-        TrialFiles(folder / name, force_time=np.arange(0.0, 1.8001, 0.005)).write()
+    TrialFiles(folder / "trial", force_time=np.arange(0.0, 1.8001, 0.005)).write()
     laboratory = Laboratory(folder / "markers")
     laboratory.standing()
     laboratory.walk()
@@ -308,7 +304,6 @@ def _write_descriptions(folder: Path) -> None:
 def _write_results(folder: Path, validation: Path | None) -> None:
     """What commands leave."""
     save_walk(make_walk(step_s=0.02), folder / "walk")
-    save_bench(make_bench(), folder / "bench")
     fit = made_fit()
     _save(folder / "fit", "fit", {**fit_json(fit), "files": []}, fit_arrays(fit))
     (folder / "fit" / "checkpoint.json").write_text('{"key": "x", "searches": [{"start": [0.0], "cost": 1.0}]}')
@@ -330,7 +325,7 @@ def _write_results(folder: Path, validation: Path | None) -> None:
     write_json(folder / "sweep" / "sweep.json", {
         "kind": "sweep", "trials": [{"name": own.name, "file": str(own.path), "inputs": own.inputs}]})
     WalkCache(folder / "cache").write(
-        WorkerTask(KEY, "person", "motion", {"step_s": 1e-3}, ("grf_W",), {"numpy": "2"}),
+        WorkerTask(KEY, "person", None, "motion", None, {"step_s": 1e-3}, ("grf_W",), {"numpy": "2"}),
         Reply(Kind.DONE, arrays={"grf_W": np.ones((4, 3))}, columns={"q": ("a", "b")}, unconverged_steps=0,
               refined_steps=0, wall_s=0.1, notes=("a note",)))
 
