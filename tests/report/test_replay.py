@@ -177,8 +177,7 @@ def test_trial_name_is_text_and_nothing_else(tmp_path):
     ({"parameters": {"model": {}}}, "parameters.subject"),
     ({"parameters": {"subject": to_plain(subject("left")), "model": {}, "offsets": {}}}, "ankle_angle_r"),
     ({"sphere_normal_n": np.zeros((SAMPLES, 3)), "sphere_depth_m": np.zeros((SAMPLES, 3)),
-      "sphere_friction_W": np.zeros((SAMPLES, 3, 2))}, "has 3 spheres"),
-])
+      "sphere_friction_W": np.zeros((SAMPLES, 3, 2))}, "has 3 spheres")])
 def test_walk_that_cannot_be_shown_leaves_no_file(tmp_path, changes, words):
     with pytest.raises(InputError, match=re.escape(words)):
         write_replay(short_walk(**changes), tmp_path / "replay.html")

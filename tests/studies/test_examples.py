@@ -18,7 +18,6 @@ import standing_lqr
 import walking_over_grounds
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
-from scipy.optimize import brentq
 from standing_leg import inverted_pendulum
 from walking_over_grounds import CONTACT, EDGE_M, GROUNDS, SLOPE_DEG, STEP_M, TRIAL, in_ground, off, uphill, walk_on
 
@@ -80,18 +79,6 @@ def test_a_draw_slips_if_and_only_if_the_pull_exceeds_static_friction(draws):
     np.testing.assert_allclose(draws["ratio"][~slips], friction_monte_carlo.PULL, rtol=2e-3)
     np.testing.assert_allclose(
         draws["ratio"][fast], friction_monte_carlo.KINETIC_SHARE * draws["mu_static"][fast], rtol=2e-3)
-
-
-def test_the_interval_ends_where_a_score_test_just_rejects_and_holds_the_probability(draws):
-    """Wilson's interval inverts |p - fraction| = z sqrt(p (1 - p) / n)."""
-    assert draws["fraction_low"] < draws["probability"] < draws["fraction_high"]
-    low, high = friction_monte_carlo.wilson(3, 40)
-
-    def score(p):
-        return abs(p - 3 / 40) - 1.96 * np.sqrt(p * (1 - p) / 40)
-
-    assert low == pytest.approx(brentq(score, 1e-6, 3 / 40), abs=1e-9)
-    assert high == pytest.approx(brentq(score, 3 / 40, 0.9), abs=1e-9)
 
 
 # The fulcrum in swing: still in stance, as far as the motor goes, energy in balance, stiffness as of the beam.

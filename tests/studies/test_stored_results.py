@@ -17,10 +17,9 @@ import numpy as np
 import pytest
 from contact_fit_study import results as fit_results
 from contact_fit_study.cases import ALONE, PAIR, TIERS, TRIALS, cases
-from contact_fit_study.floors import floor_behind_fit_bw
 from contact_fit_study.floors import stored as floors
 from contact_fit_study.keeping import STUDIES, kept, meaning, sources_sha256
-from contact_fit_study.table import TARGETS, Target, markdown_table, text_table
+from contact_fit_study.table import TARGETS, markdown_table, text_table
 from contact_truth_recovery import OPTIONS, made, trial
 from contact_truth_recovery import TRIALS as TRUTH_TRIALS
 from contact_truth_study.making import IMPULSE, assuming
@@ -88,19 +87,6 @@ def test_a_fit_that_failed_is_no_number_and_a_target_missed():
     assert "failed" in text and "MISSED" in text
 
 
-def test_a_mean_is_of_sizes_and_not_of_some_trials_and_a_target_a_most_or_a_least():
-    rows = {"a": {"late": -0.02}, "b": {"late": 0.01}}
-    assert fit_results.spread({"held_out": ["a", "b"], "trials": rows}, "late") == {
-        "mean": pytest.approx(0.015), "worst": 0.02, "worst_trial": "a"}
-    rows["b"]["late"] = None
-    assert fit_results.spread({"held_out": ["a", "b"], "trials": rows}, "late")["mean"] is None
-    most = Target(what="", key="x", limits={"exact": 1.0})
-    least = Target(what="", key="x", limits={"exact": 1.0}, at_least=True)
-    assert most.met("exact", {"x": 1.0}) and not most.met("exact", {"x": 1.1})
-    assert least.met("exact", {"x": 1.0}) and not least.met("exact", {"x": 0.9})
-    assert not most.met("exact", {"x": None})
-
-
 def test_a_kept_part_is_made_again_only_for_another_key(tmp_path):
     calls = []
 
@@ -116,12 +102,6 @@ def test_a_kept_part_is_made_again_only_for_another_key(tmp_path):
     assert kept(tmp_path, "part", "one", make) == ({"value": 2.0, "lost": None}, False)
     assert kept(tmp_path, "part", "one", make) == ({"value": 2.0, "lost": None}, True)
     assert kept(tmp_path, "part", "two", make)[0]["value"] == 3.0
-
-
-def test_less_its_own_errors_too_a_trial_is_left_with_the_plates_noise():
-    """What remains of the laboratory tier then is the exact tier's motion under the laboratory's plate."""
-    expected = floors()["trials"]["high_1"]["plate_noise"]["grf_rmse_bw"]
-    assert floor_behind_fit_bw("high_1", ("high_1",)) == pytest.approx(expected, abs=5e-5)
 
 
 @pytest.mark.parametrize("script", [contact_fit, contact_truth_recovery, floor_of_the_reference_subject,
