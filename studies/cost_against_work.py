@@ -132,16 +132,13 @@ class _Job:
     settling_s: float = np.inf
 
 
-def measure_costs(
-    trial: Trial, *, quick: bool = False, repeats: int = REPEATS, progress: Callable[[float], None] | None = None
-) -> list[Cost]:
+def measure_costs(trial: Trial, *, quick: bool = False, repeats: int = REPEATS) -> list[Cost]:
     """All four families on `trial`, which must hold a stance of the prosthetic foot in its last `WALK_S`.
 
     Args:
         quick: fewer members of each family.
         repeats: rounds of all walks, in each of which a walk runs once, or for SHORTEST_ROUND_S if it is shorter. The
             fastest counts; what else the machine does falls on all of them.
-        progress: called with the finished fraction.
 
     Raises:
         InputError, SimulationError: see `Walker`.
@@ -152,10 +149,8 @@ def measure_costs(
     hidden = [job.finest for job in jobs if job.finest is not None and job.finest not in jobs]
     for job in hidden:
         _run(job, trial)
-    for count in range(repeats * len(jobs)):
-        _run(jobs[count % len(jobs)], trial)
-        if progress:
-            progress((count + 1) / (repeats * len(jobs)))
+    for job in repeats * jobs:
+        _run(job, trial)
     return [_cost(trial, job) for job in jobs]
 
 

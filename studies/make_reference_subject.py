@@ -14,8 +14,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from virtual_laboratory.bench_curve_truth import write_bench_curves
-from virtual_laboratory.bench_truth import write_bench
+from virtual_laboratory.bench_truth import write_bench, write_bench_curves
 from virtual_laboratory.figures import null_error, stance_curve, trial_figures
 from virtual_laboratory.markers import write_standing, write_walk
 from virtual_laboratory.motion import Person, base_motion

@@ -19,7 +19,6 @@ implicit_euler at accuracy 1e-3 runs five times faster than real time, since the
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from pathlib import Path
 
@@ -29,7 +28,7 @@ from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from scipy.integrate import solve_ivp
-from scipy.stats import norm
+from scipy.stats import binomtest, norm
 
 from vsf_drake.files import resource
 from vsf_drake.laws.stick_slip import friction_coefficient
@@ -70,21 +69,13 @@ def main(out: Path, quick: bool = False) -> dict:
     speed, distance, ratio = rows.T
     slips = speed > limit
     expected = np.array([_expected_distance(value, limit) for value in mu])
-    low, high = wilson(int(slips.sum()), count)
+    low, high = binomtest(int(slips.sum()), count).proportion_ci(method="wilson")
     probability = float(norm.cdf((PULL - MU_MEAN) / MU_DEVIATION))
     found = {"mu_static": mu, "slips": slips, "speed": speed, "distance": distance, "expected_distance": expected,
              "ratio": ratio, "fraction": float(slips.mean()), "fraction_low": low, "fraction_high": high,
              "probability": probability, "weight": weight, "real_time_factor": cpu_s / (count * DURATION_S)}
     _draw(out, found)
     return found
-
-
-def wilson(hits: int, count: int, z: float = 1.96) -> tuple[float, float]:
-    """Interval of a fraction at 95 % (Wilson 1927): sensible for few draws and fractions near 0 or 1 too."""
-    p, spread = hits / count, z * z / count
-    middle = (p + 0.5 * spread) / (1.0 + spread)
-    half = z * math.sqrt(p * (1.0 - p) / count + 0.25 * spread / count) / (1.0 + spread)
-    return middle - half, middle + half
 
 
 def _simulator(diagram: Diagram, context: Context) -> Simulator:

@@ -1,14 +1,23 @@
-"""The virtual foot on its bench as a laboratory would hand it over: `bench.yaml` of the reference subject.
+"""The virtual foot on its bench as a laboratory would hand it over: `bench.yaml` and `bench_curves.csv`.
 
-The stiffness is the virtual bench's own, without an error: the uncertainty beside it is a choice, of the size of what
-two tests of one foot differ by.
+Static, the virtual bench's own without an error or noise: the uncertainty beside the stiffness is a choice, of the size
+of what two tests of one foot differ by. One pass a setting, from touch-down to 600 N; this bench knows no unloading.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from virtual_laboratory.bench import LOADS_N, bench_device, forefoot_stiffness, heel_stiffness
+import numpy as np
+
+from virtual_laboratory.bench import (
+    LOADS_N,
+    bench_device,
+    forefoot_curve,
+    forefoot_stiffness,
+    heel_compression,
+    heel_stiffness,
+)
 from virtual_laboratory.design import Design
 from virtual_laboratory.writing import NOTICE
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
@@ -17,19 +26,8 @@ from vsf_drake.files import replaced
 FULCRUMS_MM = (66, 87, 108, 129, 151)
 """The paper's positions."""
 UNCERTAINTY_N_PER_MM = 0.5
-DECIMALS = 3
-"""Of N/mm."""
-
-
-def forefoot_n_per_mm(design: Design | None = None) -> dict[int, float]:
-    """Stiffness by fulcrum position (mm), mean slope between 200 and 600 N."""
-    made = design or Design()
-    return {x: 1e-3 * forefoot_stiffness(bench_device(made, 1e-3 * x)) for x in FULCRUMS_MM}
-
-
-def heel_n_per_mm(design: Design | None = None) -> float:
-    """The heel's, likewise; the fulcrum does not matter there."""
-    return 1e-3 * heel_stiffness(bench_device(design or Design(), 1e-3 * FULCRUMS_MM[0]))
+LOADS = np.unique([0.0, 1.0, 2.0, 4.0, 6.0, 8.0, *np.arange(10.0, LOADS_N[1] + 5.0, 10.0)])
+"""Of a curve (N): finer where the sole's rounding meets the platen."""
 
 
 def write_bench(folder: Path) -> Path:
@@ -38,8 +36,9 @@ def write_bench(folder: Path) -> Path:
         raise RuntimeError(f"the virtual bench takes the slope from {LOADS_N[0]:g} N, bench files from "
                            f"{STIFFNESS_ABOVE_N:g} N")
     folder.mkdir(parents=True, exist_ok=True)
-    settings = "".join(f"  - {{fulcrum_mm: {x}, stiffness_n_per_mm: {k:.{DECIMALS}f}}}\n"
-                       for x, k in forefoot_n_per_mm().items())
+    devices = {x: bench_device(Design(), 1e-3 * x) for x in FULCRUMS_MM}
+    settings = "".join(f"  - {{fulcrum_mm: {x}, stiffness_n_per_mm: {1e-3 * forefoot_stiffness(device):.3f}}}\n"
+                       for x, device in devices.items())
     with replaced(folder / "bench.yaml") as stream:
         stream.write(
             f"# {NOTICE.replace('walked', 'measured')}.\n"
@@ -51,7 +50,27 @@ def write_bench(folder: Path) -> Path:
             "name: SYNTHETIC bench of the reference subject's foot\n"
             "synthetic: true\n"
             f"forefoot:\n{settings}"
-            f"heel_stiffness_n_per_mm: {heel_n_per_mm():.{DECIMALS}f}\n"
+            f"heel_stiffness_n_per_mm: {1e-3 * heel_stiffness(devices[FULCRUMS_MM[0]]):.3f}\n"
             f"stiffness_uncertainty_n_per_mm: {UNCERTAINTY_N_PER_MM:g}\n"
             f"max_load_n: {LOADS_N[1]:g}\n")
     return folder / "bench.yaml"
+
+
+def write_bench_curves(folder: Path) -> Path:
+    """`bench_curves.csv` in `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with replaced(folder / "bench_curves.csv") as stream:
+        stream.write(
+            f"# {NOTICE.replace('walked', 'measured')}.\n"
+            "# The virtual foot on its bench (studies/virtual_laboratory/bench.py), pressed vertically 199 mm from "
+            "the\n# keel's posterior end, or on the heel (no fulcrum); static, loading only, no noise, one pass a "
+            "setting.\n"
+            "# name: SYNTHETIC bench of the reference subject's foot\n"
+            "# synthetic: true\n"
+            "fulcrum_mm,displacement_mm,load_n\n")
+        for fulcrum in (*FULCRUMS_MM, None):
+            device = bench_device(Design(), 1e-3 * (fulcrum or FULCRUMS_MM[0]))
+            travel_m = forefoot_curve(device, LOADS) if fulcrum else [heel_compression(device, load) for load in LOADS]
+            for travel, load in zip(travel_m, LOADS, strict=True):
+                stream.write(f"{fulcrum or ''},{1e3 * travel:.4f},{load:g}\n")
+    return folder / "bench_curves.csv"

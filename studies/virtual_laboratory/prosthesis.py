@@ -1,9 +1,7 @@
 """The virtual prosthesis below a prescribed residual shank.
 
     p = Prosthesis(subject, 0.108)
-    reaction = p.walk(time_s, R_WS, p_WS)      # a whole trial, or step by step:
-    p.reset(R_WS[0], p_WS[0])
-    force, cop = p.step(R_WS[1], p_WS[1])
+    reaction = p.walk(time_s, R_WS, p_WS)
 
 Frame S: origin at the knee, z up the shank, x forward, y left, as the model's shank. World W: x forward,
 y left, z up, ground z = 0.
@@ -88,16 +86,15 @@ class Prosthesis:
         turn, path = RotationSpline(time, Rotation.from_matrix(R_WS)), CubicSpline(time, p_WS)
         R, p = turn(fine).as_matrix(), path(fine)
         self.reset(R[0], p[0], velocity=path(fine[0], 1), angular_velocity=R[0] @ turn(fine[0], 1), step_s=h)
-        n = len(time)
-        measured, tip, socket, load = np.zeros((n, 8)), np.zeros(n), np.zeros((n, 6)), np.zeros((n, 6))
-        measured[0], tip[0], socket[0], load[0] = self._last, self._tip, self.state.socket, self.socket_load
+        measured, load = np.zeros((len(time), 8)), np.zeros((len(time), 6))
+        measured[0], load[0] = self._last, self.socket_load
         unconverged = run(self.device, self.state, np.ascontiguousarray(R[1:]), np.ascontiguousarray(p[1:]), h, every,
-                          measured[1:], tip[1:], socket[1:], load[1:])
+                          measured[1:], load[1:])
         cop, free_moment = centre_of_pressure(measured[:, :3], measured[:, 3:6])
         return Reaction(
             time_s=time.copy(), force=measured[:, :3].copy(), cop=cop, free_moment=free_moment,
-            penetration=np.maximum(-measured[:, 6], 0.0), slip_speed=measured[:, 7].copy(), tip_deflection=tip,
-            socket_displacement=socket, socket_load=load, clearance=measured[:, 6].copy(), unconverged=int(unconverged))
+            slip_speed=measured[:, 7].copy(), socket_load=load, clearance=measured[:, 6].copy(),
+            unconverged=int(unconverged))
 
     def reset(
         self, R_WS: np.ndarray, p_WS: np.ndarray, *, velocity: np.ndarray | None = None,
@@ -133,16 +130,6 @@ class Prosthesis:
         self.state = state
         self._read(self._last)
 
-    def step(self, R_WS: np.ndarray, p_WS: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Advances by `step_s` to the shank's new pose; force (3,) on the foot (N) and centre of pressure (3,)."""
-        before, shear = self.state.cell_x.copy(), self.state.shear.copy()
-        R, p = np.ascontiguousarray(R_WS, dtype=float), np.ascontiguousarray(p_WS, dtype=float)
-        self.unconverged += int(step(
-            self.device, self.state, R, p, self.step_s, self._forces, self.socket_load))
-        measure(self.device, self.state, before, shear, self._forces, self.step_s, self._last)
-        self._read(self._last)
-        return self.force, self.cop
-
     def bench(self) -> dict[str, float]:
         """Stiffness (N/mm) on the testing machine; see `virtual_laboratory.bench`."""
         from virtual_laboratory.bench import forefoot_stiffness, heel_stiffness  # noqa: PLC0415 (it tunes this class)
@@ -163,12 +150,6 @@ class Prosthesis:
         nodes = np.column_stack([hinges[1:, 0], np.full(len(angles), device.anchor[1]), hinges[1:, 1]])
         state.mass_x[:] = state.p + np.vstack([device.mass_points, nodes]) @ state.R.T
         place(device, state.R, state.p, hinges, angles, state.cell_x)
-
-    @property
-    def _tip(self) -> float:
-        hinges, angles = np.empty((len(self.device.lengths) + 1, 2)), np.empty(len(self.device.lengths))
-        chain(self.device, self.state.q, hinges, angles)
-        return float(hinges[-1, 1] - self.device.anchor[2])
 
 
 def centre_of_pressure(force: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

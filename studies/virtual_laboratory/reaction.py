@@ -19,12 +19,8 @@ class Reaction:
         force: (n, 3) N, of the ground on the foot.
         cop: (n, 3) m, centre of pressure on z = 0; NaN where the vertical force is below 20 N.
         free_moment: (n,) N m, about the vertical through the centre of pressure, on the foot; NaN as `cop`.
-        penetration: (n,) m, deepest compression of the foam.
         slip_speed: (n,) m/s, speed of the sole's contact with the ground past its anchors, mean weighted by the
             normal force of each point; zero where the sole sticks or is in the air.
-        tip_deflection: (n,) m, keel tip above its unloaded place in the foot's frame.
-        socket_displacement: (n, 6) m and rad, of the socket against the shank in the shank's axes
-            (forward, left, up onto the limb; rotation vector).
         socket_load: (n, 6) N and N m, action of the socket on the shank at the end of the residual limb, in the
             shank's axes (force, moment).
         clearance: (n,) m, height of the lowest point of the sole, negative where the foam is pressed.
@@ -35,10 +31,7 @@ class Reaction:
     force: np.ndarray
     cop: np.ndarray
     free_moment: np.ndarray
-    penetration: np.ndarray
     slip_speed: np.ndarray
-    tip_deflection: np.ndarray
-    socket_displacement: np.ndarray
     socket_load: np.ndarray
     clearance: np.ndarray
     unconverged: int

@@ -147,11 +147,10 @@ def measure(
 @numba.njit(cache=True)
 def run(
     device: Device, state: State, R_S: np.ndarray, p_S: np.ndarray, h: float, every: int,
-    measured: np.ndarray, tip: np.ndarray, socket: np.ndarray, load: np.ndarray,
+    measured: np.ndarray, load: np.ndarray,
 ) -> int:
     """Steps through the shank's poses (s, 3, 3), (s, 3); every `every` steps a row of the outputs. Unsolved steps."""
     forces = np.zeros((len(device.bodies), 3))
-    hinges, angles = np.empty((len(device.lengths) + 1, 2)), np.empty(len(device.lengths))
     now = np.zeros(6)
     unsolved = 0
     for i in range(len(R_S)):
@@ -160,8 +159,5 @@ def run(
         if (i + 1) % every == 0:
             row = (i + 1) // every - 1
             measure(device, state, before, shear_before, forces, h, measured[row])
-            chain(device, state.q, hinges, angles)
-            tip[row] = hinges[-1, 1] - device.anchor[2]
-            socket[row] = state.socket
             load[row] = now
     return unsolved

@@ -15,7 +15,7 @@ import pytest
 from make_reference_subject import DATA, SEED
 from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
-from virtual_laboratory import bench, bench_curve_truth, bench_truth, laws, prosthesis
+from virtual_laboratory import bench, bench_truth, laws, prosthesis
 from virtual_laboratory import floor as floors
 from virtual_laboratory.bench import LOADS_N
 from virtual_laboratory.design import Design, KeelDesign
@@ -41,7 +41,7 @@ def test_the_bench_files_come_out_again_and_hold_what_the_foot_that_walked_shows
             assert 0.4 / (high - low) == pytest.approx(walked[f"{name}_n_per_mm"], rel=5e-5)
         assert curve.fulcrum_m == x and 1e-3 * k == pytest.approx(walked["forefoot_n_per_mm"], abs=6e-4)
         assert 1e-3 * read.heel_stiffness_n_per_m == pytest.approx(walked["heel_n_per_mm"], abs=6e-4)
-    again = bench_curve_truth.write_bench_curves(tmp_path / "made").read_text(encoding="utf-8")
+    again = bench_truth.write_bench_curves(tmp_path / "made").read_text(encoding="utf-8")
     assert again == (DATA / "bench_curves.csv").read_text(encoding="utf-8")
     assert load_bench_file(bench_truth.write_bench(tmp_path / "made")) == read
 
