@@ -19,7 +19,6 @@ from sweep_files import copied
 from vsf_drake.analysis.tuning import level1, level2
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.cli import tune
-from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 
 EMBEDDED = resource("data/reference_subject")
@@ -113,22 +112,6 @@ def test_a_tuning_that_did_not_end_well_is_written_and_marked(run, tmp_path, mad
             assert 'class="alarm"' in (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_an_earlier_tuning_can_be_begun_from(run, tmp_path, made):
-    assert run("tune", LOW, "--contact", CONTACT, "--out", tmp_path / "one")[0] == 0
-    for named in (".", "tuning.json", "tuning.npz"):
-        table, arrays = tune.read_warm_start(tmp_path / "one" / named)
-        assert table.fulcrum_mm == BEST_MM and set(arrays) == {"sweep_mm"}
-    assert run("tune", LOW, "--contact", CONTACT, "--warm-start", tmp_path / "one", "--out", tmp_path / "two")[0] == 0
-    assert made["calls"][1][3][0] == table
-
-
-def test_mistakes_of_the_analysis_are_named_as_the_command_line_names_them(run, tmp_path, made):
-    made["table"] = InputError("60 to 151 mm is out of the carriage's reach", where="bounds_mm", right="Stay inside")
-    code, _, err = run("tune", LOW, "--contact", CONTACT, "--out", tmp_path / "out")
-    assert code == 2
-    assert "error: --fulcrum-range: 60 to 151 mm is out of the carriage's reach. Stay inside" in err
-
-
 def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, monkeypatch):
     """Made-up solutions in place of real ones: what the command hands over, and what it makes of what comes back."""
     seen, shown = {}, []
@@ -155,6 +138,8 @@ def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, mo
     assert (seen["trials"], seen["cost"], seen["labels"], seen["warm"]) == (1, "metabolic", ("low_2",), None)
     assert (options.intervals, options.method, options.design) == (30, "trapezoidal", ("alignment_rad",))
     assert (options.bounds_mm, options.starts, options.confirm) == ((70.0, 140.0), 1, ())
+    for named in (".", "tuning.json", "tuning.npz"):
+        assert tune.read_warm_start(tmp_path / "free" / named)[0].fulcrum_mm == BEST_MM
     again = ("--warm-start", tmp_path / "free", "--out", tmp_path / "again")
     assert run(*common, "--level", "2", *again)[0] == 0
     assert seen["warm"]["tracked_p"].tolist() == POSITIONS.tolist()

@@ -90,29 +90,17 @@ def test_the_largest_violation_is_told_by_name():
         changed[place] = value
         return scaled.worst(dataclasses.replace(at, **{field: changed}))
 
-    for i, time in ((1, f"{grid.times_s[1]:.3f} s"), (7, f"{grid.times_s[7]:.3f} s")):
-        assert told("equations", (i, 0), -50.0) == (50.0, f"output 0 at {time}, an equation")
-        for limit, value in ((2.0, 70.0), (-1.0, -70.0)):
-            size = 70.0 - abs(limit) / problem.y_scale[4]
-            assert told("limited", (i, 1), value) == (pytest.approx(size), f"output 4 at {time}, a limit")
-        for side, value in (("upper", 80.0), ("lower", -80.0)):
-            size = 80.0 - 9.0 / problem.z_scale[i, 3]
-            assert told("x", 9 * i + 3, value) == (pytest.approx(size), f"{side} bound of v.b at {time}")
+    i, time = 7, f"{grid.times_s[7]:.3f} s"
+    assert told("equations", (i, 0), -50.0) == (50.0, f"output 0 at {time}, an equation")
+    assert told("limited", (i, 1), -70.0) == (pytest.approx(70.0 - 1.0 / problem.y_scale[4]),
+                                              f"output 4 at {time}, a limit")
+    assert told("x", 9 * i + 3, -80.0) == (pytest.approx(80.0 - 9.0 / problem.z_scale[i, 3]),
+                                           f"lower bound of v.b at {time}")
     assert told("x", 9 * 8 + 1, 80.0)[1] == "upper bound of n"
     for row in (0, len(at.linear) - 1):
         instant, column = divmod(np.abs(scaled.matrix.toarray()[row]).argmax(), 9)
         assert told("linear", row, -60.0) == (
             60.0, f"a linear equation of {problem.layout.names[column]} at {grid.times_s[instant]:.3f} s")
-
-
-@CASES
-def test_rooms_change_as_their_normals_say(case):
-    scaled = Scaled(anything(3, **case))
-    draw = np.random.default_rng(4)
-    at = scaled.linearised(scaled.scaled(draw.standard_normal(scaled.shape), draw.standard_normal(2)))
-    which = np.flatnonzero(np.isfinite(scaled.slacks(at)))
-    way = draw.standard_normal(len(at.x)) * ~scaled.fixed
-    assert normals(scaled, at, which).T @ way == pytest.approx(slack_changes(scaled, at, way)[which])
 
 
 @CASES
@@ -295,23 +283,6 @@ def test_an_indefinite_hessian_is_recognised_by_its_inertia():
         whole, n = kkt.matrix.toarray(), kkt.variables
         free = null_space(whole[n:, :n])
         assert kkt.convex == convex == (np.linalg.eigvalsh(free.T @ whole[:n, :n] @ free).min() > 0.0), damping
-
-
-def test_curvature_that_some_instant_does_not_have_is_left_out():
-    problem, start = swing(intervals=4)
-    inner, last = problem.function.linearise, len(start.z) - 1
-
-    def outputs(z, p):
-        y, by_z, by_p = inner(z, p)
-        by_z[last, 0, 0] += np.where(z[last, 0] > start.z[last, 0], np.nan, 0.0)
-        return y, by_z, by_p
-
-    scaled = Scaled(problem)
-    at = scaled.linearised(scaled.scaled(start.z, start.p))
-    step = step_of(scaled, Kkt(scaled, at, np.ones(len(at.x))))
-    assert with_curvature(scaled, at, step) is not at
-    problem.function.linearise = outputs
-    assert with_curvature(scaled, at, step) is at
 
 
 def test_stiffening_what_presses_leaves_the_step_as_it_is():

@@ -321,18 +321,15 @@ def test_settings_within_a_percent_or_that_repeated_trials_cannot_tell_apart_are
     assert (low, high) == (GRID[wanted][0], GRID[wanted][-1])
 
 
-@pytest.mark.parametrize(("curvature", "change", "gain", "matters", "words"), [
-    (1e-6, 0.0, 1e-4, False, ("hardly matters", "next to nothing")),
-    (2e-3, 0.0049, 0.06, True, ("From the best to the worst position the cost changes by 5.2 J/kg, 260% of its",
-                                "from 88 to 128 mm, the cost varies by 78.4%", "gains 6.0%."))])
-def test_a_setting_matters_if_its_range_is_more_than_a_percent_and_than_trials_differ(
-        curvature, change, gain, matters, words):
-    """With a change of force of `change` body weights a millimetre from 108 mm."""
+@pytest.mark.parametrize(("curvature", "matters", "words"), [
+    (1e-6, False, "hardly matters"), (2e-3, True, "from 88 to 128 mm, the cost varies by 78.4%")])
+def test_a_setting_matters_if_its_range_is_more_than_a_percent_and_than_trials_differ(curvature, matters, words):
+    """With a change of force of 0.49 % of body weight a millimetre from 108 mm, of which 10 % are allowed."""
     each = 2.0 + curvature * (GRID - 100.0)[None, :] ** 2 + np.array([[0.0], [0.3], [0.5]])
-    force = np.tile((change * (GRID - 108.0)) ** 2, (3, 1))
+    force = np.tile((0.0049 * (GRID - 108.0)) ** 2, (3, 1))
     worth = fulcrum_uncertainty(SettingSweep(x=GRID[:, None], costs={"consistency": force}, terms={"only": each}),
-                                100.0, (), [66.0] * 3, size=2.0, unit="J/kg", allowed_bw=0.1, gain=gain)
+                                100.0, (), [66.0] * 3, size=2.0, unit="J/kg", allowed_bw=0.1, gain=0.06)
     assert worth.matters is matters
     assert difference(each, [66.0] * 3).range == pytest.approx(curvature * 51.0**2)
     assert matters or worth.interval_mm == (66.0, 151.0)
-    assert all(part in worth.sentence for part in words)
+    assert words in worth.sentence

@@ -111,16 +111,14 @@ def test_the_report_made_again_is_the_same_to_the_byte_and_its_tags_close(run, f
 
 @pytest.mark.slow
 @pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
-@pytest.mark.parametrize("kind", [*MADE, "schedule"])
+@pytest.mark.parametrize("kind", ["level_1", "schedule"])
 def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path, kind):
-    if kind == "level_2":
-        write_tuning(folders / kind, made_stride_table(), made_stride_arrays())
     for width in (1280, 390):
         (tmp_path / str(width)).mkdir()
         seen = look(folders / kind / "report.html", tmp_path / str(width), width=width)
         assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == ([], [], [], 0, 0)
         assert seen.scroll <= width
-        assert seen.images == {"level_1": 6, "level_2": 7, "failed": 0, "schedule": 3}[kind]
+        assert seen.images == {"level_1": 6, "schedule": 3}[kind]
 
 
 def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(folders):
@@ -217,9 +215,6 @@ def test_setting_interval_and_savings_are_those_of_the_parabola():
     assert f"{stiff:.1f} % less than at the stiffest (151 mm, also recorded)" in words
     assert "another recorded one (108 mm)" in words
     assert "% MORE than at the recorded setting (108 mm)" in said(recorded_mm=(108.0,), cost=2.5)
-    below = said(sweep=tuple(dataclasses.replace(row, cost=row.cost - 5.0) for row in made_table().sweep), cost=-3.0,
-                 recorded_mm=())
-    assert "0.2918 BW less than at the softest" in below and "%" not in below.partition("Over the whole")[0]
     end = said(fulcrum_mm=66.0, cost=float(cost_of(66.0)), at_bound=("fulcrum",))
     assert "It is the softest setting itself." in end and "On a bound of its range: fulcrum." in end
 
@@ -253,9 +248,6 @@ def test_a_setting_that_hardly_matters_is_called_so_before_anything_else():
     assert HARDLY not in said(outcomes=(push_off, peak))
     assert "not known" in said(outcomes=()), "nothing was compared with an uncertainty"
     assert HARDLY not in said(outcomes=matters(None)), "not known is not no"
-    assert "Other outcomes that change by more than their uncertainty: push-off work." in said()
-    assert "Outcomes that change by no more than their uncertainty: first peak of the force." in said()
-    assert "All other outcomes change by more" in said(outcomes=matters(True))
 
 
 def test_figures_draw_the_sweep_the_trials_the_optimum_and_what_hardly_changes():
@@ -295,15 +287,6 @@ def test_policy_is_written_for_the_controller_and_for_people(folders):
         in words
     assert "Known to need a setting of its own: speed 0.8, speed 1.6." in words
     assert "Not told from the one setting for all: speed 1.2." in words, "101.5 lies within 101 to 109 mm"
-
-
-def test_what_only_holds_to_the_recording_is_no_gain_of_adaptability():
-    """Without it the costs are 1.5 at the tasks' own settings and 1.47 with one for all: 0.03 BW less, 2 %."""
-    schedule = made_schedule()
-    held = [dataclasses.replace(row, rest=1.5, rest_common=1.47) for row in schedule.tasks]
-    assert "one setting for all costs 0.03 BW LESS on average (2 %)." in " ".join(
-        schedule_words(dataclasses.replace(schedule, tasks=tuple(held))))
-    assert "holds to the recording" not in " ".join(schedule_words(schedule))
 
 
 def test_setting_is_drawn_over_what_tells_the_tasks_apart_and_costs_from_each_task_s_least():
