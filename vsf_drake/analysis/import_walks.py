@@ -108,9 +108,9 @@ def import_walks(files: FileSet, options: ImportOptions, *, progress: Callable[[
             raise next(iter(different.values()))
         raise InputError("none of the walks can be used:\n" + "\n".join(f"- {message}" for message in different))
     read = dict.fromkeys((files.standing, files.standing_forces, *files.walks, *files.forces))
+    hashes = {str(path): sha256(path) for path in read if path is not None and path.is_file()}
     return ImportedWalks(tuple(items), tuple(names), {str(path): str(error) for path, error in failures.items()},
-                         scaled,
-                         {str(path): sha256(path) for path in read if path is not None and path.is_file()})
+                         scaled, hashes)
 
 
 def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:
@@ -124,7 +124,6 @@ def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:
 
 
 def _one_model(trials: list[Trial], options: ImportOptions) -> tuple[list[Trial], list[str], bool]:
-    """The trials with the model's foot as long as the person's, where that is asked for, and notes."""
     notes = [] if options.fulcrum_mm else say("import", "mid_range", fulcrum_m=MID_FULCRUM_M)
     calibration = trials[0].calibration if trials else None
     if not options.scale_prosthesis or calibration is None:
@@ -140,10 +139,7 @@ def _one_model(trials: list[Trial], options: ImportOptions) -> tuple[list[Trial]
 
 
 def scale_foot(foot: FootParameters, *, length: float = 1.0, thickness: float = 1.0) -> FootParameters:
-    """`foot` with its dimensions along the keel and the keel's thickness multiplied; material and laws stay.
-
-    The keel's stiffness goes with the cube of its thickness.
-    """
+    """`foot` with its dimensions along the keel and the keel's thickness multiplied; material and laws stay."""
     def times(values: tuple[float, ...]) -> tuple[float, ...]:
         return tuple(value * length for value in values)
 
@@ -158,7 +154,6 @@ def scale_foot(foot: FootParameters, *, length: float = 1.0, thickness: float = 
 
 
 def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -> list[Check]:
-    """What was not measured but taken from somewhere else; one check for each."""
     subject = trial.subject
     rows = ((person.mass_kg is None, "mass", "body mass", subject.mass_kg, "kg", WEIGHED),
             (person.stature_m is None, "stature", "stature", subject.stature_m, "m", None),
@@ -169,7 +164,6 @@ def _statements(trial: Trial, standing: Recording | None, person: PersonFacts) -
 
 def _make_trial(files: FileSet, number: int, standing: Recording | None, marker_map: MarkerMap | None,
                 options: ImportOptions, fulcrums_m: Sequence[float], calibration: Calibration | None) -> Trial:
-    """The trial of one walk: read, calibrated (or with the `calibration` of another walk), tracked, weighed."""
     walk, forces = files.walks[number], files.forces[number]
     recording = read_trial(walk, forces=forces, **options.laboratory)
     if not recording.plates:

@@ -1,10 +1,7 @@
 """Which plate is which foot: every contact on every plate goes to the foot under whose sole its load acts.
 
-A contact is a stretch of load on one plate (hysteresis: it is one where the force passes 20 N and reaches 100 N for
-at least 0.15 s; a scuff in swing is none). It belongs to the foot whose sole, the line from heel to toe, lies
-nearest to the centre of pressure over the contact. Nothing is asked of the plates' names or order.
-
-Where no force tells a stance, the motion does (`events.kinematic_stances`).
+That is the foot whose line from heel to toe lies nearest to the centre of pressure over the contact, whatever the
+plates' names and order. Where no force tells a stance, the motion does (`events.kinematic_stances`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Joint angles, pelvis motion and plates' forces of a person, out of OpenSim's tables.
 
-Coordinates have OpenSim's names and, for the pelvis, OpenSim's meaning (tx forward, ty up, tz
-right; tilt, list, rotation about z, x, y of that frame, tilt + with the front up). Joint angles
-are in rad: flexion and dorsiflexion +, adduction and inversion +, internal rotation +.
+Coordinates have OpenSim's names and, for the pelvis, OpenSim's meaning (tx forward, ty up, tz right; tilt + with the
+front up). Joint angles are in rad: flexion and dorsiflexion +, adduction and inversion +, internal rotation +.
 """
 
 from __future__ import annotations
@@ -149,10 +148,7 @@ _WORDS = {"right": r"(^|_)(r|right)(_|$)", "left": r"(^|_)(l|left)(_|$)"}
 
 
 def assign_prefixes(storage: Storage, stated: dict[str, str | None] | None) -> dict[str, str]:
-    """Which prefix is which foot: as `stated` by side (None for a side without a plate), else as the names tell.
-
-    Refused, with the prefixes found and the mapping to write, where neither tells.
-    """
+    """Which prefix is which foot: as `stated` by side, else as the names tell; refused where neither does."""
     prefixes = [n[:-3] for n in storage.names if n.endswith("_vy") and {n[:-1] + "x", n[:-1] + "z"} <= {*storage.names}]
     listed = ", ".join(prefixes) or "none"
     if stated is not None:

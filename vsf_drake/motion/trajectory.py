@@ -80,10 +80,6 @@ def window_bsplines(start_s: float, end_s: float, count: int) -> Callable[[np.nd
     The clamped cubic B-splines on `count` + 1 even intervals of the window, of which the first three are added up, and
     the last three: so they begin and end with zero rate and acceleration, and go on as constants outside.
     """
-    if count < 4:
-        raise ValueError(f"{count} splines are no correction of a path: at least 4 are needed")
-    if not start_s < end_s:
-        raise ValueError(f"{start_s:g} to {end_s:g} s is no window")
     clamped = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, count + 2), np.ones(3)])
     group = np.concatenate([np.zeros(3, dtype=int), np.arange(1, count - 1), np.full(3, count - 1)])
     spline = BSpline(clamped, np.eye(count)[group], 3)
@@ -100,8 +96,6 @@ def periodic_bsplines(count: int) -> Callable[[np.ndarray], np.ndarray]:
 
     The knots are `count` phases, evenly spaced from 0; the j-th spline is centred on j / count.
     """
-    if count < 4:
-        raise ValueError(f"{count} splines cannot close on themselves: at least 4 are needed")
     one, centres = BSpline.basis_element(np.arange(-2.0, 3.0), extrapolate=False), np.arange(count)
 
     def basis(phase: np.ndarray) -> np.ndarray:

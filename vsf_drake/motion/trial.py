@@ -188,10 +188,6 @@ def trial_from_recordings(
 ) -> Trial:
     """The trial of a person who walks over force plates with markers on.
 
-        standing, walk = read_trial("static.c3d"), read_trial("walk.c3d")
-        trial = trial_from_recordings(standing, walk, None, PersonFacts(sex="male", prosthetic_side="right"),
-                                      fulcrum_m=0.066)
-
     Args:
         standing: the standing trial of the same session; None: the walk itself calibrates, which is doubtful.
         marker_map: what the labels are; None: the shipped map that finds most of them.
@@ -252,7 +248,6 @@ def trial_from_recordings(
 
 
 def _calibrated(by: partial[Calibration], person: PersonFacts, *, on_plates: bool = False) -> tuple[Calibration, bool]:
-    """The calibration, and whether its mass is known, as stated or by the standing trial's plates."""
     if person.mass_kg is not None or on_plates:
         try:
             return by(person), True
@@ -275,8 +270,7 @@ def _calibrated(by: partial[Calibration], person: PersonFacts, *, on_plates: boo
 
 def reaching_pelvis(tracked: TrackedMotion, calibration: Calibration, subject: Subject
                     ) -> tuple[np.ndarray, list[str]]:
-    """`tracked.values` with another pelvis translation, for the lengths of `subject`, and a note on how far it moved.
-    """
+    """`tracked.values` with the pelvis moved, for the lengths of `subject`, and a note on how far."""
     moved = tracked.feet[subject.prosthetic_side].ankle_W - model_ankle(tracked, calibration, subject)
     values = np.array(tracked.values)
     values[:, [tracked.names.index(name) for name in PELVIS_TRANSLATIONS]] += world_to_os(moved)

@@ -32,10 +32,7 @@ _SUBJECT, _MODEL = "subject.yaml", "model.yaml"
 
 
 def write_import(imported: ImportedWalks, out: Path) -> None:
-    """Writes subject.yaml, a manifest with angles and forces for each walk, import.json and import.html to `out`.
-
-    Every manifest is read back before anything appears in `out`.
-    """
+    """Writes what an import leaves to `out`; every manifest is read back before anything appears there."""
     first = imported.items[0]
     failures = {Path(path).name: why for path, why in imported.failures.items()}
     shared = {_SUBJECT: first.trial.subject, **({_MODEL: first.trial.model} if imported.scaled else {})}
@@ -113,10 +110,7 @@ _TIME = "time (s)"
 
 
 def angle_figure(item: Examined) -> Figure:
-    """Joint angles of both sides over each stance and the swing after it; dotted: at standing.
-
-    A stance that the record cuts is laid out as if it lasted as long as the complete ones.
-    """
+    """Joint angles of both sides over each stance and the swing after it; dotted: at standing."""
     motion = item.trial.tracked or item.trial.trajectory  # markers know both ankles
     standing = item.trial.calibration.angles_rad if item.trial.calibration else {}
     with drawing(11.0, 5.4) as figure:

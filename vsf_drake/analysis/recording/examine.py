@@ -21,10 +21,8 @@ from vsf_drake.parameters import PELVIS_TRANSLATIONS
 from vsf_drake.schema import to_plain
 
 GRID_S = 1e-3
-EDGE_S = 0.1
-"""Velocities this close to an end of a filtered recording are not its own (a choice: half a period of 6 Hz)."""
-PARTIAL_S = 0.12
-"""A plate that sees less of a stance than its motion tells by more than this has seen a part of it."""
+EDGE_S = 0.1  # velocities this near an end of a filtered recording are not its own (a choice: half a period of 6 Hz)
+PARTIAL_S = 0.12  # a plate that sees less of a stance than its motion tells by more than this has seen a part of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +49,10 @@ class Examined:
 
 def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: float = 0.0,
             stated: Sequence[Check] = ()) -> Examined:
-    """Looks at one trial, as loaded from joint angles or from markers, from every side.
+    """Looks at one trial from every side; `stated` are checks on what was stated and what had to be estimated.
 
-    Args:
-        cutoff_hz: of the markers' filter; None where they were taken as filtered already.
-        belt_speed_m_per_s: of the treadmill that `trial` is seen from.
-        stated: checks that only the caller can make, on what was stated and what had to be estimated.
+    `cutoff_hz` is that of the markers' filter (None: filtered already), the belt's speed that of the treadmill from
+    which `trial` is seen.
     """
     model_feet, body = model_motion(trial.subject, trial.model, trial.trajectory, offsets=trial.offsets)
     feet = model_feet

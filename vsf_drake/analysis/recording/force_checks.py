@@ -63,9 +63,7 @@ def mass(time_s: np.ndarray, vertical_n: np.ndarray, up_m_per_s: np.ndarray, kno
          mass_kg: float, feet: int) -> Check:
     """The mass that the plates felt, against the subject's: impulse = m (g T + change of vertical velocity).
 
-    Args:
-        vertical_n: (n,) N on all feet. up_m_per_s: (n,) vertical velocity of the body's centre of mass.
-        known: (n,) bool, from `covered`. feet: how many feet have plates.
+    (n,) N on all `feet` with plates, (n,) vertical velocity of the body's centre of mass, (n,) bool from `covered`.
     """
     name, rows = "mass from the forces", longest_run(known)
     duration = float(np.ptp(time_s[rows])) if len(rows) > 2 else 0.0
@@ -129,10 +127,8 @@ def cop_under_foot(foot: FootMotion, plate: PlateRecording, cop_W: np.ndarray) -
 def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
     """Whether the horizontal force of one foot points to the body: a wrong sign of an axis turns it away.
 
-    The ground reaction of a walking person passes near the centre of mass (an inverted pendulum), so its slope over
-    the vertical follows that of the line from the centre of pressure to there (`body_W` (n, 3) m at the plate's times,
-    NaN where unknown): braking ahead of the body, driving behind it, inward beside it. None where the load is too
-    little displaced to tell.
+    The ground reaction of a walking person passes near the centre of mass (an inverted pendulum), `body_W` (n, 3) m at
+    the plate's times, NaN where unknown. None where the load is too little displaced to tell.
     """
     known = np.isfinite(plate.cop_W[:, :2]).all(axis=1) & np.isfinite(body_W).all(axis=1)
     rows = known & (plate.force_W[:, 2] > STRONG_N)
@@ -194,11 +190,9 @@ TOO_DEEP_MM = 50.0  # depth beyond what the foot gives that no fit of the offset
 
 def foot_checks(foot: FootMotion, stances: Sequence[Stance], cop_W: np.ndarray | None = None, *,
                 usual_s: float | None = None) -> list[Check]:
-    """Every check of one foot in stance.
+    """Every check of one foot in stance, with the centre of pressure (n, 3) m at the foot's times (NaN: none).
 
-    Args:
-        stances: of the foot, in order. cop_W: (n, 3) m centre of pressure at the foot's times, NaN where there is none.
-        usual_s: how long a stance of this walk lasts, for those that the record cuts; None: these are left out.
+    `usual_s` is how long a stance of this walk lasts, for those that the record cuts; None: these are left out.
     """
     flats = {number: rows for number, stance in enumerate(stances, start=1)
              if (rows := flat_phase(foot, stance, usual_s=usual_s)) is not None}

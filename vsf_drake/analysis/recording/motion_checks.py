@@ -53,11 +53,9 @@ NAMED = 4  # how many of the worst are named in a sentence
 
 def zeroed(angles_rad: Mapping[str, np.ndarray], standing_rad: Mapping[str, float] | None,
            speed_m_per_s: np.ndarray) -> Check:
-    """Whether angles (n,) by coordinate look as if standing had been subtracted from them.
+    """Whether angles (n,) by coordinate look as if standing (`standing_rad`, if measured) had been subtracted.
 
-    Args:
-        standing_rad: angles at standing, where a standing trial was measured.
-        speed_m_per_s: (n,) of the pelvis over the floor.
+    `speed_m_per_s` (n,) is that of the pelvis over the floor.
     """
     def judged(mark: str, value: float, unit: str = "deg", *, relative: Sequence[str] = (), subtracted: bool = False,
               calibrated: bool = False, hips: Sequence[float] = ()) -> Check:
@@ -96,11 +94,10 @@ def ankle_offset(angles_rad: Mapping[str, np.ndarray], intact_side: str) -> Chec
 
 
 def knee_axis(angles_rad: Mapping[str, np.ndarray], side: str) -> Check | None:
-    """Whether the knee bends about the axis from which its angles are measured.
+    """Whether the knee bends about the axis from which its angles are measured; None where it bends too little.
 
     A hinge that bends by theta about an axis turned by phi (about the thigh's length) from the measured one shows
     sin(adduction) = sin(phi) sin(theta), by geometry: cross-talk. phi is the slope of the one sine against the other.
-    None where the knee bends too little or the angles are not known.
     """
     names = f"knee_angle_{side[0]}", f"knee_adduction_{side[0]}"
     if any(name not in angles_rad for name in names):
@@ -193,11 +190,9 @@ def leg_lengths(lengths_m: Mapping[str, float]) -> list[Check]:
 
 
 def filtered_before(markers_m: Mapping[str, np.ndarray], rate_hz: float, *, cutoff_hz: float | None) -> Check | None:
-    """Whether the markers had been low-passed before we did: is there nothing above twice the cut-off?
+    """Whether the markers, (frames, 3) by label as recorded, had been low-passed before.
 
-    Args:
-        markers_m: (frames, 3) by label as recorded, NaN in gaps.
-        cutoff_hz: of our filter; None where it was left out because the recording is already filtered.
+    `cutoff_hz` is that of our filter, None where it was left out.
     """
     above = 2 * (cutoff_hz or 6.0)
     if above > (1 - LEAST_BAND) * rate_hz / 2:

@@ -9,8 +9,7 @@ Each frame has x forward, y left, z up when the person stands straight:
             knee's axis, which makes knee rotation zero while standing
     foot    origin ankle centre, z vertical and x along heel to toe while the sole is flat on the floor
 
-Wu's calcaneus frame is parallel to the shank's in a neutral posture; ours lies on the sole, so that the model's foot is
-flat when the person stands, and the ankle's coordinates while standing are not zero.
+Wu's calcaneus frame is parallel to the shank's in a neutral posture; ours lies on the sole.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Marker maps: which label of a recording marks what.
 
 A map is a YAML file with the blocks `right`, `left` and `middle`. Each gives roles (`asis`, `knee_lateral`, ...) one
-label or a list of spellings, and clusters (`pelvis`, `thigh`, `shank`, `foot`) a list of further markers that move with
-the segment. `prefix: any` strips whatever stands before a colon ("Subject01:LASI"), `prefix: "Subject01:"` just
-that. Where no label is spelled alike, letter case is disregarded.
+label or a list of spellings, and clusters (`pelvis`, `thigh`, ...) further markers that move with the segment.
+`prefix: any` strips whatever stands before a colon ("Subject01:LASI"). Letter case counts only where it tells labels.
 """
 
 from __future__ import annotations

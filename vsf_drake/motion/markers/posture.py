@@ -135,7 +135,6 @@ def _mean(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _steps(recording: Recording, labelled: FoundMarkers) -> float:
-    """How far the heels travel horizontally against the pelvis (m), the lesser of the two."""
     at = {role: recording.markers[label][:, :2] for role, label in labelled.roles.items()}
     away = [at[f"heel_{side}"] - 0.5 * (at["asis_right"] + at["asis_left"]) for side in SIDES]
     seen = [path[np.isfinite(path).all(axis=1)] for path in away]

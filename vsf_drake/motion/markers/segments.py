@@ -54,7 +54,7 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class FootTrack:
-    """Where a foot was, from its markers: the points of `FootPoints` and the ankle centre, (frames, 3) m in W."""
+    """The points of `FootPoints` and the ankle centre, from a foot's markers, (frames, 3) m in W."""
 
     heel_W: np.ndarray
     toe_W: np.ndarray
