@@ -148,15 +148,6 @@ def test_stance_that_the_kinematics_cut_is_scored_where_it_overlaps():
     assert m.coverage == pytest.approx((1.5 - 0.85) / (LIFT_S - STRIKE_S + 0.5), abs=0.01)
 
 
-def test_percent_of_stance_is_that_of_the_whole_measured_stance():
-    cut, whole = (compare(make_walk(start_s=start), make_plate()).stances[0] for start in (0.85, 0.2))
-    np.testing.assert_array_equal(cut.measured_cop, whole.measured_cop)
-    known = np.isfinite(cut.model_cop[:, 0])
-    assert not known[:35].any()
-    assert known[37:99].all()
-    np.testing.assert_allclose(cut.model_cop[known], whole.model_cop[known], atol=1e-3 * FOOT_LENGTH_M)
-
-
 def test_event_that_only_one_of_the_two_shows_has_no_error():
     """The model stands already when the simulation begins, or still when it ends; the plate shows the event."""
     early = walk_metrics(make_walk(delay_s=-0.05, start_s=STRIKE_S - 0.03), make_plate())
@@ -216,17 +207,6 @@ def test_null_model_is_another_trial_stretched():
     assert flat.null_model_grf_rmse_bw == pytest.approx(rms(load), rel=5e-3)
     cut = walk_metrics(make_walk(), make_plate(start_s=0.8), null_curve=np.zeros(101))
     assert cut.null_model_grf_rmse_bw < 0.05, "of a stance that the plate saw in part nothing is said"
-
-
-def test_slow_plate_and_uneven_steps_are_resampled():
-    walk = make_walk()
-    keep = np.ones(len(walk.time_s), dtype=bool)
-    keep[100:400:3] = False
-    rows = {f.name: getattr(walk, f.name)[keep] for f in dataclasses.fields(walk)
-            if isinstance(getattr(walk, f.name), np.ndarray)}
-    m = walk_metrics(dataclasses.replace(walk, **rows), make_plate(rate_hz=100.0))
-    assert m.grf_rmse_bw < 0.01
-    assert m.cop_rmse_fl < 0.02
 
 
 def test_what_cannot_be_known_is_none_and_comes_back_from_json():

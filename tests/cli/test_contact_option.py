@@ -66,8 +66,7 @@ def test_bench_presses_the_fitted_foot(run, tmp_path, contact):
 
 def test_stand_stands_on_the_fitted_foot(run, tmp_path, contact):
     words = ("--contact", contact, "--duration-s", "0.1", "--upright")
-    code, _, _ = run("stand", SUBJECT, "--out", tmp_path / "out", *words)
-    assert code == 0
+    assert run("stand", SUBJECT, "--out", tmp_path / "out", *words)[0] == 0
     notes = read_json(tmp_path / "out" / "standing.json")["notes"]
     assert sha256(contact) in notes[0] and "left out" in notes[0]
 

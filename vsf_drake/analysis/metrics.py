@@ -3,17 +3,14 @@
 Definitions (McGeehan 2021 where it states one, doi 10.1115/1.4050456):
 
 - BW is the subject's mass times 9.81 m/s²; FL is the length of the prosthetic foot.
-- Forces are compared over every measured stance ± 0.25 s, clipped to the simulated time,
-  time-locked, both low-passed at 40 Hz. The resultant is the Euclidean norm of the filtered force.
-- Impulse: the integral of the resultant from the start of the measured stance (or of the
-  simulated time, if that cuts it), model against plate over the stance.
-- Centre of pressure: both low-passed at 6 Hz, at 101 points of the measured stance, fore-aft,
-  where both carry more than 20 N. R² is taken about the mean of each footprint.
-- R² is 1 - SSE / SST, not a squared correlation.
+- Forces are compared over every measured stance ± 0.25 s, clipped to the simulated time, time-locked, both low-passed
+  at 40 Hz. The resultant is the Euclidean norm of the filtered force.
+- Impulse: the integral of the resultant from the start of the measured stance, or of the simulated time, on.
+- Centre of pressure: both low-passed at 6 Hz, at 101 points of the measured stance, where both carry more than 20 N.
+- R² is 1 - SSE / SST, of the centre of pressure about the mean of each footprint.
 - Differences of times are model minus measured: positive is late.
 
-What cannot be known from a recording (a stance time when every stance is cut, an error in a lateral
-force that is zero throughout because nobody measured it) is None.
+What cannot be known from a recording, such as a lateral force that nobody measured, is None.
 """
 
 from __future__ import annotations
@@ -28,12 +25,12 @@ import numpy as np
 from vsf_drake.analysis.comparison import (
     FORCE_CUTOFF_HZ,
     MARGIN_S,
-    PERCENT,
     THRESHOLD_N,
     Comparison,
     StanceComparison,
     compare,
     cumulative_integral,
+    percent_instants,
     r_squared,
     rmse,
 )
@@ -200,7 +197,7 @@ def stance_curve(plate: PlateRecording, *, subject_mass_kg: float) -> np.ndarray
     force = low_pass(plate.force_W, rate_hz=rate, cutoff_hz=min(FORCE_CUTOFF_HZ, 0.45 * rate))
     resultant = np.linalg.norm(force, axis=1) / (subject_mass_kg * GRAVITY)
     stances = [s for s in find_stances(plate.time_s, plate.force_W[:, 2], threshold_n=THRESHOLD_N) if s.complete]
-    curves = [np.interp(s.start_s + PERCENT / 100.0 * (s.end_s - s.start_s), plate.time_s, resultant) for s in stances]
+    curves = [np.interp(percent_instants(s), plate.time_s, resultant) for s in stances]
     return np.mean(curves, axis=0) if curves else None
 
 

@@ -37,12 +37,12 @@ _SEARCHED, _SCORED, _REFITTED = 0.6, 0.85, 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class FitTask:
-    """A fit that can be done."""
+    """A fit that can be done; `options` are what was asked for."""
 
     problem: ContactFit
     quick: bool
     held_out: Sequence[Trial]
-    options: Mapping[str, object]  # what was asked for
+    options: Mapping[str, object]
     inputs: Mapping[str, str]
 
     def table(self, solution: ContactFitSolution | None = None, judged: Assessment | None = None, *, failed: str = ""
@@ -65,11 +65,9 @@ def make_task(
         options = PaperOptions(seed=seed)
     else:
         asked = {"free": tuple(free), "freeze": tuple(freeze), "paths": paths, "damping_by_zone": damping_by_zone}
-        default = ContactFitOptions()
         options = ContactFitOptions(
             series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())), seed=seed,
-            starts=1 if quick else default.starts if starts is None else starts,
-            solver=default.solver if solver is None else solver)
+            starts=1 if quick else starts or ContactFitOptions.starts, solver=solver or ContactFitOptions.solver)
     check_recordings(trials, held_out, series=options.series)
     subject, model = trials[0].subject, trials[0].model
     if bench is not None and bench_file is not None:
@@ -139,14 +137,14 @@ def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
         solution = None
         try:
             solution = _solved(task, checkpoint, show)
-            solution.check()
+            if not solution.success:
+                raise FitError(solution.message)
             judged = assess(solution, task.held_out, sweep=not task.quick, leave_out=not task.quick,
                             progress=judging)
         except (FitError, SimulationError) as error:
-            # not of the fit itself: its walks or its foot fail where it is judged
+            # of a good fit, its walks or its foot fail where it is judged
             good = solution is not None and solution.success
-            message = solution.message if solution is not None and not good else str(error)
-            table = task.table(solution, failed=f"it cannot be judged: {message}" if good else message)
+            table = task.table(solution, failed=f"it cannot be judged: {error}" if good else str(error))
             write_fit(table, out)
             return table
         show("writing figures and page", _REFITTED)

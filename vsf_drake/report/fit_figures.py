@@ -126,50 +126,41 @@ def _bench(axes: Axes, x: Sequence[float], quantity: Beside, unit: str) -> None:
 
 
 def fit_error_figure(table: FitTable) -> Figure:
-    """Errors by trial beside the null model, the floor and what the paper was left with: one panel an error, one row a
-    trial that was judged."""
+    """The resultant's error by trial beside the null model, the floor and what the paper was left with: one row a trial
+    that was judged."""
     rows = [(trial, trial.score) for trial in table.trials if trial.score is not None]
     beside: list[tuple[str, list[float | None], dict[str, Any]]] = [
         ("null model: another trial's curve", [score.metrics.null_model_grf_rmse_bw for _, score in rows],
          {"marker": "D", "color": NEUTRAL, "markersize": 5.5, "markerfacecolor": "white"}),
         ("floor: the true foot on this motion", [score.floor_grf_rmse_bw for _, score in rows],
          {"marker": "|", "color": "black", "markersize": 12, "markeredgewidth": 1.8})]
-    published = table.published
-    panels: list[tuple[str, tuple[float, float] | None, str, str]] = [
-        ("grf_rmse_bw", published.other_grf_rmse_bw, "body weight", "Resultant force"),
-        ("fore_aft_rmse_bw", None, "body weight", "Fore-aft force"),  # of which the paper says nothing
-        ("cop_rmse_fl", published.cop_rmse_fl, "foot length", "Centre of pressure, fore-aft")]
-    with drawing(11.0, max(2.6, 1.7 + 0.27 * len(rows))) as figure:
-        all_axes = figure.subplots(1, 3, sharey=True, width_ratios=(1.5, 1.0, 1.0))
-        first = all_axes[0]
-        first.axvline(100.0 * published.fitted_grf_rmse_bw, color=NEUTRAL, linewidth=1.0, linestyle=":", zorder=0)
+    with drawing(8.0, max(2.6, 1.7 + 0.27 * len(rows))) as figure:
+        axes = figure.subplots()
+        axes.axvline(100.0 * table.published.fitted_grf_rmse_bw, color=NEUTRAL, linewidth=1.0, linestyle=":", zorder=0)
+        low, high = table.published.other_grf_rmse_bw
+        axes.axvspan(100.0 * low, 100.0 * high, color=_PUBLISHED, linewidth=0.0, zorder=0)
         for _, values, look in beside:
             for y, value in enumerate(values):
                 if value is not None:
-                    first.plot(100.0 * value, y, **look)
-        for axes, (name, band, unit, title) in zip(all_axes, panels, strict=True):
-            if band is not None:
-                axes.axvspan(100.0 * band[0], 100.0 * band[1], color=_PUBLISHED, linewidth=0.0, zorder=0)
-            for y, (trial, score) in enumerate(rows):
-                if (error := getattr(score.metrics, name)) is not None:
-                    colour = colour_of(trial.fulcrum_mm)
-                    axes.plot([0.0, 100.0 * error], [y, y], color=colour, linewidth=1.2, alpha=0.6)
-                    axes.plot(100.0 * error, y, marker="o", color=colour, markersize=7, markeredgewidth=1.8,
-                              markerfacecolor=colour if trial.role == _FITTED else "white")
-            axes.set_xlim(left=0.0)
-            axes.margins(x=0.08)
-            axes.xaxis.set_major_locator(MaxNLocator(5))
-            label(axes, x=f"RMS error (% {unit})", y="", title=title)
-        first.set_yticks(range(len(rows)), [f"{t.label}, {t.role}, {t.fulcrum_mm:g} mm" for t, _ in rows])
-        first.set_ylim(len(rows) - 0.4, -0.6)
-        first.set_ylabel("trial (one row each)")
+                    axes.plot(100.0 * value, y, **look)
+        for y, (trial, score) in enumerate(rows):
+            if (error := score.metrics.grf_rmse_bw) is not None:
+                colour = colour_of(trial.fulcrum_mm)
+                axes.plot([0.0, 100.0 * error], [y, y], color=colour, linewidth=1.2, alpha=0.6)
+                axes.plot(100.0 * error, y, marker="o", color=colour, markersize=7, markeredgewidth=1.8,
+                          markerfacecolor=colour if trial.role == _FITTED else "white")
+        axes.set_xlim(left=0.0)
+        axes.margins(x=0.08)
+        axes.set_yticks(range(len(rows)), [f"{t.label}, {t.role}, {t.fulcrum_mm:g} mm" for t, _ in rows])
+        axes.set_ylim(len(rows) - 0.4, -0.6)
+        label(axes, x="RMS error (% body weight)", y="trial (one row each)", title="Resultant force")
         handles: list[Artist] = [_dot("fitted trial", color=NEUTRAL, markersize=7)]
         if any(trial.role != _FITTED for trial, _ in rows):
             handles.append(_dot("held-out trial", color=NEUTRAL, markersize=7, markerfacecolor="white",
                                 markeredgewidth=1.8))
         handles += [_dot(name, **look) for name, values, look in beside if any(v is not None for v in values)]
         handles += [Line2D([], [], color=NEUTRAL, linestyle=":", linewidth=1.0, label="paper, fitted trial"),
-                    Patch(facecolor=_PUBLISHED, label="paper, force: other trials; centre of pressure: all")]
+                    Patch(facecolor=_PUBLISHED, label="paper, other trials")]
         _finish(figure, handles, 3, synthetic=any(trial.synthetic for trial, _ in rows))
     return figure
 

@@ -108,9 +108,6 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
         frozen_rows=[(row.name, shown_value(row, row.value), shown_unit(row))
                      for row in table.parameters if row.frozen],
         reference_depth_mm=1e3 * REFERENCE_DEPTH_M, smooth=smooth_errors(table),
-        direction_rows=[
-            (f"{row.singular_value:.3g}", ", ".join(f"{part.name} {part.share:+.2f}" for part in row.made_of))
-            for row in reversed(table.uncertainty.weakest if table.uncertainty else ()) if row.made_of],
         noise_rows=[(row.trial, row.series, f"{row.ratio:.2f}") for row in table.noise_ratios],
         left_out_rows=[(row.kind, ", ".join(row.left_out), *(
             (f"failed: {row.failed}", "") if row.failed else
@@ -156,10 +153,7 @@ def shown_value(row: ParameterRow, value: float | None) -> str:
 
 def shown_interval(row: ParameterRow) -> str:
     """Its 95 % interval in `shown_unit`."""
-    if row.interval_95 is None:
-        return UNKNOWN
-    low, high = (_SHOWN.get(row.unit, ("", 1.0))[1] * end for end in row.interval_95)
-    return f"{low:.3g} to {high:.3g}"
+    return UNKNOWN if row.interval_95 is None else " to ".join(shown_value(row, end) for end in row.interval_95)
 
 
 def own_parameters(table: FitTable) -> list[ParameterRow]:

@@ -100,9 +100,6 @@ def test_the_priors_own_error_is_one_where_the_data_are_silent():
     assert found.share_of_prior[0] < 0.1
     assert found.unidentified == ("b",)
     assert found.singular_values[1] == 0.0
-    (direction,) = found.weakest
-    (part,) = direction.made_of
-    assert direction.singular_value == 0.0 and part.name == "b" and abs(part.share) == pytest.approx(1.0)
 
 
 def test_what_neither_data_nor_prior_tell_has_no_finite_error():
@@ -138,8 +135,6 @@ def test_singular_values_are_of_the_data_alone_and_what_they_tell_twice_as_well_
     found = known(FitParameters([plain(name) for name in "abcd"]), *terms)
     np.testing.assert_allclose(found.singular_values, [5.0, 1.01 * edge, 0.99 * edge, 0.5])
     np.testing.assert_allclose(found.share_of_prior, 1.0 / np.sqrt(1.0 + np.diag(by) ** 2))
-    (direction,) = found.weakest
-    assert direction.singular_value == pytest.approx(0.5) and [part.name for part in direction.made_of] == ["b"]
     assert found.unidentified == ("b", "d")
 
 

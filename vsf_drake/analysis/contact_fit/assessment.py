@@ -37,7 +37,6 @@ class PublishedFit:
 
     fitted_grf_rmse_bw: float = 0.053
     other_grf_rmse_bw: tuple[float, float] = (0.10, 0.14)
-    cop_rmse_fl: tuple[float, float] = (0.057, 0.095)
     bench_rmse_n_per_mm: float = 1.37
     mid_range_rmse_mm: float = 0.45
 
@@ -136,11 +135,9 @@ def assess(
         sweep: whether to move the fulcrum over its range in every trial.
         leave_out: whether to fit again without each trial, and without each stiffness.
         floors: by label, the resultant error (BW) of the true foot on a recording's motion, where it is known.
-        progress: called with what is being done and the finished fraction.
 
     Raises:
-        InputError: a held-out trial was fitted, or is of another subject. FitError: the fit failed.
-        SimulationError: a walk with the fitted parameters diverges.
+        InputError: a held-out trial was fitted, or is of another subject. FitError, SimulationError: it failed.
     """
     solution.check()
     fit, floors, tell = solution.fit, floors or {}, progress or (lambda what, share: None)
@@ -156,7 +153,8 @@ def assess(
         others = [c for t, c in zip(fit.trials, curves, strict=True) if c is not None and t is not trial]
         label = name if i < len(fit.trials) else None
         scores.append(_trial_score(solution, trial, label, name, others, sweep, floors.get(name)))
-    left = _left_out(solution, tell) if leave_out and len(fit.trials) > 1 else ()
+    joint = isinstance(solution.end, JointEnd)  # the paper's fit is of one trial
+    left = _left_out(solution, tell) if leave_out and joint and len(fit.trials) > 1 else ()
     return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution))
 
 
@@ -184,25 +182,24 @@ def _left_out(solution: ContactFitSolution, tell: Callable[[str, float], None]) 
         settings[trial.fulcrum_m] = (*settings.get(trial.fulcrum_m, ()), label)
     groups: list[tuple[str, tuple[str, ...]]] = [("trial", (label,)) for label in fit.labels]
     groups += [("stiffness", labels) for labels in settings.values() if len(settings) > 1]
-    rows: dict[tuple[str, ...], LeftOut | None] = {}
+    rows: dict[tuple[str, ...], LeftOut] = {}
     for i, (kind, labels) in enumerate(groups):
         tell(f"fitting without {', '.join(labels)}", i / len(groups))
         if labels not in rows:
             rows[labels] = _without(solution, kind, labels)
-    return tuple(replace(row, kind=kind) for kind, labels in groups if (row := rows[labels]))
+    return tuple(replace(rows[labels], kind=kind) for kind, labels in groups)
 
 
-def _without(solution: ContactFitSolution, kind: str, labels: tuple[str, ...]) -> LeftOut | None:
-    """What is known of a fit without these trials; None where a strategy makes none."""
+def _without(solution: ContactFitSolution, kind: str, labels: tuple[str, ...]) -> LeftOut:
+    """What is known of a fit without these trials."""
+    row = LeftOut(kind=kind, left_out=labels, grf_rmse_bw=None, cop_rmse_fl=None)
     try:
         fewer = solution.refitted_without(labels)
-        if fewer is None:
-            return None
         metrics = [_trial_score(fewer, trial, None, label, [], False, None).metrics
                    for trial, label in zip(solution.fit.trials, solution.fit.labels, strict=True) if label in labels]
     except (FitError, SimulationError) as error:
-        return LeftOut(kind=kind, left_out=labels, grf_rmse_bw=None, cop_rmse_fl=None, failed=str(error))
-    return LeftOut(kind=kind, left_out=labels, grf_rmse_bw=_mean(m.grf_rmse_bw for m in metrics),
+        return replace(row, failed=str(error))
+    return replace(row, grf_rmse_bw=_mean(m.grf_rmse_bw for m in metrics),
                    cop_rmse_fl=_mean(m.cop_rmse_fl for m in metrics))
 
 
@@ -213,8 +210,8 @@ def _mean(values: Iterable[float | None]) -> float | None:
 
 def bench_score(solution: ContactFitSolution) -> BenchRow | None:
     """The fitted foot on the bench; None where the fit has none."""
-    bench = solution.fit.bench
-    if bench is None:
+    bench, machine = solution.fit.bench, solution.fit.machine
+    if bench is None or machine is None:
         return None
 
     def beside(factor: float, sd: float, measured: Sequence[float], heel: float | None, model: np.ndarray) -> Beside:
@@ -225,7 +222,7 @@ def bench_score(solution: ContactFitSolution) -> BenchRow | None:
             heel_model=None if heel is None else shown[len(forefoot)],
             rmse=rmse(np.array(shown[:len(forefoot)]), np.array(forefoot)))
 
-    machine, values, mid_range = solution.fit.machine, solution.all_values(None), None
+    values, mid_range = solution.all_values(None), None
     if bench.mid_range_m is not None and bench.mid_range_uncertainty_m is not None:
         mid_range = beside(1e3, bench.mid_range_uncertainty_m, bench.mid_range_m, bench.heel_mid_range_m,
                            machine.displacement(values)[0])

@@ -52,9 +52,8 @@ class ContactFitOptions:
     """Options of the joint fit.
 
     Attributes:
-        only_ends: options on which the way of the search does not depend, so that an interrupted one may change them.
-        series: what is compared; the force components and the fore-aft centre of pressure by default, because the
-            resultant alone accepts nonsense.
+        only_ends: options that an interrupted search may change, since its way does not depend on them.
+        series: what is compared; the resultant alone accepts nonsense.
         starts: searches, the first from the parameters' own start, the others from the best of `screened` Latin
             hypercube samples of the prior.
         solver: "gauss_newton" (bounded trust region, scipy), "snopt" or "ipopt" (Drake, exact gradients), "nlopt"
@@ -93,10 +92,9 @@ class PaperOptions:
     Attributes:
         scenarios: in one iteration.
         iterations: after which a run that did not converge ends.
-        objective_tolerance_n: change of the objective, as root mean square difference of the resultants (N), below
-            which it counts as settled (that it means the root mean square is our reading, the paper says N).
-        parameter_tolerance: the same of the parameters, the largest change over the distance of its bounds (over what
-            it takes the change is our reading).
+        objective_tolerance_n: change of the objective below which it counts as settled; that it is of the root mean
+            square difference of the resultants is our reading.
+        parameter_tolerance: the same of the parameters, over the distance of their bounds, our reading too.
         settled: iterations in a row that must change so little (1: the paper's words, read literally).
         restarts: how often a run that did not converge is begun again from its result.
         workers: threads; they do not change the result.

@@ -87,6 +87,7 @@ class ContactFit:
     Attributes:
         evaluations: how many points were evaluated.
         shared: what all trials share, from the parameters to a walk's variables.
+        machine: presses this foot as the bench did, if there is one.
 
     Raises:
         InputError: the trials cannot be fitted together (see `check_recordings`), or a parameter is none.
@@ -116,7 +117,7 @@ class ContactFit:
         self._terms = [] if self.options.strategy == PAPER else [
             self.terms_of(trial, label) for trial, label in zip(self.trials, self.labels, strict=True)]
         self.shared = TrialMap(self.parameters, self.walker.variables, None, None)
-        self._machine = None if bench is None else bench_of(model.foot, bench)
+        self.machine = None if bench is None else bench_of(model.foot, bench)
         self._last: tuple[np.ndarray, bool, FitEvaluation] | None = None
 
     @property
@@ -184,19 +185,14 @@ class ContactFit:
         self._last = (u.copy(), derivatives, evaluation)
         return evaluation
 
-    @property
-    def machine(self) -> BenchStiffness:
-        """Presses this foot as the bench did. Raises ValueError if the fit has no bench."""
-        if self._machine is None:
-            raise ValueError("this fit has no bench")
-        return self._machine
-
     def bench_stiffness(self, u: np.ndarray) -> np.ndarray:
         """(m,) N/m on the bench at u, the heel last if it was measured; SimulationError if the foot gives way."""
+        if self.machine is None:
+            raise ValueError("this fit has no bench")
         return self.machine.evaluate(self.shared.at(u).values)[0]
 
     def _bench_terms(self, u: np.ndarray, derivatives: bool) -> list[ResidualTerm]:
-        bench, machine = self.bench, self._machine
+        bench, machine = self.bench, self.machine
         if bench is None or machine is None:
             return []
         at = self.shared.at(u)

@@ -105,12 +105,10 @@ class ContactFitSolution:
             return self.fit.walk(trial, self.end.values, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
         return self.fit.terms_of(trial, label).walk(self.end.u, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
 
-    def refitted_without(self, labels: Sequence[str]) -> ContactFitSolution | None:
-        """The same fit without these trials, searched once from this solution on; None of the paper's fit, which is of
-        one trial. Raises FitError, too, where the search does not converge or no trial is left."""
+    def refitted_without(self, labels: Sequence[str]) -> ContactFitSolution:
+        """The same joint fit without these trials, searched once from this solution on. Raises FitError, too, where the
+        search does not converge or no trial is left."""
         self.check()
-        if isinstance(self.end, PaperEnd):
-            return None
         fit, began = self.fit, time.perf_counter()
         left = [(trial, label) for trial, label in zip(fit.trials, fit.labels, strict=True) if label not in labels]
         if not left:

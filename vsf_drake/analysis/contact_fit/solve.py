@@ -218,29 +218,11 @@ SURE_SHARE = 0.5
 what was believed before (a choice)."""
 CLOSE = 0.9
 """Correlation from which two parameters are named together."""
-_TOLD = 0.3
-"""Least share of a parameter in a direction for it to be named."""
 _UNTOLD, _PART = 1e-12, 1e-6
 """A direction with less of the largest information than this is told by nothing; parameters with more than this part in
 it have no error."""
 NORMAL_95 = 1.959964
 """97.5 % quantile of the normal distribution."""
-
-
-@dataclass(frozen=True)
-class DirectionPart:
-    """A parameter's share in a direction."""
-
-    name: str
-    share: float
-
-
-@dataclass(frozen=True)
-class Direction:
-    """A direction that the data tell less of than the prior, and the parameters that it is made of."""
-
-    singular_value: float
-    made_of: tuple[DirectionPart, ...]
 
 
 @dataclass(frozen=True)
@@ -261,7 +243,6 @@ class Uncertainty:
     share_of_prior: np.ndarray  # (P,) standard error over that of the prior
     correlation: np.ndarray  # (P, P)
     singular_values: np.ndarray  # (P,) of the data's Jacobian by u, falling
-    weakest: tuple[Direction, ...]
     at_bound: tuple[str, ...]  # errors of these are not to be trusted
     unidentified: tuple[str, ...]  # share of the prior above SURE_SHARE
     together: tuple[Pair, ...]
@@ -298,8 +279,8 @@ def uncertainty(
     correlation = covariance / np.outer(scale, scale)
     np.fill_diagonal(correlation, 1.0)
 
-    # directions of the data alone, u being in standard deviations of the prior
-    _, singular, rows = np.linalg.svd(np.vstack(data), full_matrices=True)
+    # of the data alone, u being in standard deviations of the prior
+    singular = np.linalg.svd(np.vstack(data), compute_uv=False)
     singular = np.concatenate([singular, np.zeros(count - len(singular))])
     ends = [[item.low, item.high] if np.isinf(s) else
             [item.from_u(float(x - NORMAL_95 * s)), item.from_u(float(x + NORMAL_95 * s))]
@@ -309,9 +290,6 @@ def uncertainty(
     return Uncertainty(
         names=names, standard_error=sd * parameters.slopes(u), interval=np.array(ends), share_of_prior=sd,
         correlation=correlation, singular_values=singular,
-        weakest=tuple(Direction(float(s), tuple(DirectionPart(names[i], float(row[i])) for i in np.argsort(-np.abs(row))
-                                                if abs(row[i]) > _TOLD))
-                      for s, row in zip(singular, rows, strict=True) if s < 1.0),
         at_bound=tuple(name for name, x, low, high in zip(names, u, *parameters.bounds, strict=True)
                        if min(x - low, high - x) < 1e-3 * (high - low)),
         unidentified=tuple(name for name, s in zip(names, sd, strict=True) if s > SURE_SHARE),

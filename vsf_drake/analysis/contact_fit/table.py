@@ -29,6 +29,7 @@ from vsf_drake.contact_file import variable_unit
 from vsf_drake.files import plain
 from vsf_drake.motion.trajectory import periodic_bsplines
 from vsf_drake.motion.trial import Trial
+from vsf_drake.parameters import Subject
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
 
@@ -79,16 +80,6 @@ class SmoothErrorRow:
     largest_deg: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class FittedPerson:
-    """Whose recordings were fitted."""
-
-    name: str
-    mass_kg: float
-    stature_m: float
-    prosthetic_side: str
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitTable:
     """All that is told of a fit; of one that failed no parameters and scores, but how it went as far as is known.
@@ -104,12 +95,11 @@ class FitTable:
     left_out: tuple[LeftOut, ...]
     trials: tuple[FitTrialRow, ...]
     synthetic: bool
-    subject: FittedPerson
+    subject: Subject
     bench: BenchRow | None
     published: PublishedFit = PUBLISHED
     parameters: tuple[ParameterRow, ...]
     options: Mapping[str, object]  # what was asked for, the noise and the seed among it
-    series: tuple[str, ...]
     wall_s: float | None
     versions: Mapping[str, str]
     inputs_sha256: Mapping[str, str]
@@ -138,7 +128,7 @@ def fit_table(
     every, labels = [*fit.trials, *held_out], labels_with(fit, held_out)
     hashes = {f"{name}: {file}": digest for trial, name in zip(every, labels, strict=True)
               for file, digest in trial.inputs.items()}
-    subject, bench, end = fit.walker.subject, fit.bench, None if solution is None else solution.end
+    bench, end = fit.bench, None if solution is None else solution.end
     good = solution if solution is not None and solution.success and not failed else None
     judged = None if good is None else assessment
     scores: Sequence[TrialScore | None] = [None] * len(every) if judged is None else judged.scores
@@ -152,10 +142,9 @@ def fit_table(
             synthetic=trial.synthetic, fulcrum_mm=round(1e3 * trial.fulcrum_m, 9), notes=tuple(trial.notes),
             score=score) for i, (trial, name, score) in enumerate(zip(every, labels, scores, strict=True))),
         synthetic=any(trial.synthetic for trial in every) or (bench is not None and bench.synthetic),
-        subject=FittedPerson(name=subject.name, mass_kg=subject.mass_kg, stature_m=subject.stature_m,
-                             prosthetic_side=subject.prosthetic_side),
+        subject=fit.walker.subject,
         bench=judged.bench if judged is not None else None if bench is None else bench_row(bench),
-        parameters=() if good is None else _parameters(good), series=fit.options.series,
+        parameters=() if good is None else _parameters(good),
         options={**to_plain(dict(options or {})), **to_plain(fit.options)},
         wall_s=None if solution is None else solution.wall_s, versions=provenance()["versions"],
         inputs_sha256={**hashes, **(inputs or {})})
@@ -225,8 +214,7 @@ def fit_json(table: FitTable) -> dict[str, Any]:
             "simulations": paper.simulations, "failed_simulations": paper.failed_simulations}
     if known is not None:
         values |= {"correlations": {"names": known["names"], "matrix": known["correlation"]},
-                   **{name: known[name] for name in ("singular_values", "weakest", "unidentified", "together",
-                                                     "at_bound")},
+                   **{name: known[name] for name in ("singular_values", "unidentified", "together", "at_bound")},
                    "noise": {"ratios": ratios}}
     return values
 
