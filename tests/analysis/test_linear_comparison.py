@@ -47,12 +47,10 @@ def uneven(walk):
 
 TWO = ((0.4, 0.9), (1.1, 1.6))
 PAIRS = {
-    "plain": (make_walk(), make_plate()),
     "across the laboratory": turned(make_walk(), make_plate(), 2.0),
     "two stances, one cut": (make_walk(stances=TWO, end_s=1.5), make_plate(stances=TWO)),
     "plate shorter than the walk": (make_walk(), make_plate(start_s=0.7, end_s=1.2)),
     "slow plate, uneven steps": (uneven(make_walk()), make_plate(rate_hz=100.0)),
-    "steps of 4 ms": (make_walk(step_s=4e-3), make_plate()),
 }
 
 

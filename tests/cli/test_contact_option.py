@@ -59,9 +59,6 @@ def test_bench_presses_the_fitted_foot(run, tmp_path, contact):
     nominal, fitted = (read_json(tmp_path / name / "bench.json")["settings"][0]["stiffness_n_per_mm"]
                        for name in ("nominal", "fitted"))
     assert abs(fitted - nominal) > 0.3
-    about = yaml.safe_load((tmp_path / "fitted" / "result.yaml").read_text(encoding="utf-8"))
-    assert about["provenance"]["inputs_sha256"] == {"contact: contact.yaml": sha256(contact)}
-    assert about["parameters"]["foot"]["series_exponent"] == 1.4
 
 
 def test_stand_stands_on_the_fitted_foot(run, tmp_path, contact):
@@ -74,8 +71,7 @@ def test_stand_stands_on_the_fitted_foot(run, tmp_path, contact):
 def test_sweep_varies_on_top_of_the_fitted_contact(run, tmp_path, contact):
     code, out, _ = run("sweep", TRIAL, "--list", "--contact", contact)
     assert code == 0
-    line = next(line for line in out.splitlines() if line.startswith("contact.forefoot.exponent"))
-    assert line.split()[2] == "1.4"
+    assert next(line for line in out.splitlines() if line.startswith("contact.forefoot.exponent")).split()[2] == "1.4"
     code, _, _ = run("sweep", TRIAL, "--out", tmp_path / "out", "--contact", contact, "--vary",
                      "contact.forefoot.stiffness=200000,62980", "--workers", "1", "--step-ms", "2")
     assert code == 0

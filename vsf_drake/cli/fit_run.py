@@ -65,9 +65,10 @@ def make_task(
         options = PaperOptions(seed=seed)
     else:
         asked = {"free": tuple(free), "freeze": tuple(freeze), "paths": paths, "damping_by_zone": damping_by_zone}
-        options = ContactFitOptions(
-            series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())), seed=seed,
-            starts=1 if quick else starts or ContactFitOptions.starts, solver=solver or ContactFitOptions.solver)
+        default = ContactFitOptions()
+        options = dataclasses.replace(
+            default, series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())), seed=seed,
+            starts=1 if quick else starts or default.starts, solver=solver or default.solver)
     check_recordings(trials, held_out, series=options.series)
     subject, model = trials[0].subject, trials[0].model
     if bench is not None and bench_file is not None:
