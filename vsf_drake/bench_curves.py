@@ -12,9 +12,9 @@
 
 One row a sample, in the order of loading, compression positive. Columns in any order, each with its unit in its name:
 fulcrum in mm or m from the keel's posterior end (an empty cell is the heel), displacement in mm or m, load in n or kn,
-and `repeat` (1, 2, ...) where a setting was pressed more than once. Cells are separated by commas, semicolons or
-tabs; between the latter two numbers may have decimal commas. Lines that begin with # are comments; they may say the
-name, whether it is synthetic, and the standard deviations that a fit takes (else those above, which are choices).
+and `repeat` (1, 2, ...) where a setting was pressed more than once. Commas, semicolons or tabs separate cells; with the
+latter two numbers may have decimal commas. Comments may say the name, whether it is synthetic, and the standard
+deviations that a fit takes (else those above, which are choices).
 
 Touch-down, from which displacement counts, is where the load is zero: interpolated after the last sample at or below
 0 N; for a pass that begins loaded, at most at 5 % of its largest load, on the straight line through its first samples.
@@ -328,10 +328,20 @@ def load_bench_file(path: str | Path) -> BenchMeasurement:
         raise InputError(f"{read.max_load_n:g} N leaves nothing of the curve: stiffness is the mean slope above "
                          f"{STIFFNESS_ABOVE_N:g} N", file=path, where="max_load_n",
                          right="It must be the largest load of the test, in N")
-    _check_mid_range(read, path)
     heel, heel_x, sd = (read.heel_stiffness_n_per_mm, read.heel_mid_range_displacement_mm,
                         read.displacement_uncertainty_mm)
     displacements = [s.mid_range_displacement_mm for s in read.forefoot]
+    right = "Give the mid-range displacement of every setting that has a stiffness, and displacement_uncertainty_mm"
+    if heel is None and heel_x is not None:
+        raise InputError("there is no heel_stiffness_n_per_mm beside it", file=path,
+                         where="heel_mid_range_displacement_mm", right=right)
+    needed = {f"forefoot[{i}].mid_range_displacement_mm": x for i, x in enumerate(displacements)}
+    needed |= {"displacement_uncertainty_mm": sd} | (
+        {} if heel is None else {"heel_mid_range_displacement_mm": heel_x})
+    missing = [key for key, value in needed.items() if value is None]
+    if missing and len(missing) < len(needed):
+        raise InputError("the key is missing, and others of the mid-range displacement are there", file=path,
+                         where=missing[0], right=right)
     return BenchMeasurement(
         name=read.name, synthetic=read.synthetic, fulcrum_m=tuple(s.fulcrum_mm / 1e3 for s in read.forefoot),
         stiffness_n_per_m=tuple(1e3 * s.stiffness_n_per_mm for s in read.forefoot),
@@ -340,19 +350,3 @@ def load_bench_file(path: str | Path) -> BenchMeasurement:
         mid_range_m=None if sd is None else tuple(x / 1e3 for x in displacements if x is not None),
         heel_mid_range_m=None if heel_x is None else heel_x / 1e3,
         mid_range_uncertainty_m=None if sd is None else sd / 1e3)
-
-
-def _check_mid_range(read: _BenchFile, path: str | Path) -> None:
-    needed = {f"forefoot[{i}].mid_range_displacement_mm": s.mid_range_displacement_mm
-              for i, s in enumerate(read.forefoot)}
-    needed["displacement_uncertainty_mm"] = read.displacement_uncertainty_mm
-    right = "Give the mid-range displacement of every setting that has a stiffness, and displacement_uncertainty_mm"
-    if read.heel_stiffness_n_per_mm is not None:
-        needed["heel_mid_range_displacement_mm"] = read.heel_mid_range_displacement_mm
-    elif read.heel_mid_range_displacement_mm is not None:
-        raise InputError("there is no heel_stiffness_n_per_mm beside it", file=path,
-                         where="heel_mid_range_displacement_mm", right=right)
-    missing = [key for key, value in needed.items() if value is None]
-    if missing and len(missing) < len(needed):
-        raise InputError("the key is missing, and others of the mid-range displacement are there", file=path,
-                         where=missing[0], right=right)

@@ -58,9 +58,8 @@ def make_bench(
     the rigid heel block with their own contact law. The platen stays under its site, so the load stays vertical, on the
     same point of the foot. Weight is left out: a load cell is tared.
 
-    Args:
-        scene_graph: in no diagram yet; it becomes a part of this one, the plant gets the shapes of the foot, to be seen
-            only, and the diagram the output `query`.
+    `scene_graph`, in no diagram yet, becomes a part of this one: the plant gets the shapes of the foot, only to be
+    seen, and the diagram the output `query`.
     """
     builder = DiagramBuilder()
     plant = _weightless_plant(builder)

@@ -1,16 +1,14 @@
 """Stiffness and displacement of a foot in the testing machine as functions of its variables, with exact derivatives.
 
-Stiffness is the mean slope (F2 - F1) / (x(F2) - x(F1)) of load over the platen's travel, as
-`analysis.bench_metrics.stiffness` has it of a curve that ends at F2; the mid-range displacement is x(F2 / 2), counted
-from where the platen touches the first sphere. Here only these loads are put on, each until the foot rests: at
-50 mm/min damping has less than a thousandth of the slope, inertia nothing.
+Stiffness is the mean slope (F2 - F1) / (x(F2) - x(F1)) of load over the platen's travel from 200 N to the largest load;
+the mid-range displacement is x(F2 / 2), counted from where the platen touches the first sphere. Here only these loads
+are put on, each until the foot rests: at 50 mm/min damping has less than a thousandth of the slope, inertia nothing.
 
 At the forefoot foam and keel are in series, x(F) = keel(F) + foam(F), because the load stays vertical and on its point
 of the keel whatever the foam does. keel(F) is `bench.keel_shape`. foam(F): the spheres in the patch under the load,
-pressed together by a flat platen, sum k (s - h)^n = F over the spheres with bottoms at h below the platen's height s. A
-sphere that sits higher is met later; where the travel is counted from does not matter to a slope, and a rise that all
-spheres share changes neither a slope nor the travel since the first was touched. At the heel: the spheres of the rigid
-heel block, likewise, and nothing in series.
+pressed together by a flat platen, sum k (s - h)^n = F over the spheres with bottoms at h below the platen's height s.
+Where the travel is counted from does not matter to a slope, and a rise that all spheres share changes neither a slope
+nor the travel since the first was touched. At the heel: the spheres of the rigid heel block, and nothing in series.
 """
 
 from __future__ import annotations
@@ -23,6 +21,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.parameters import FootParameters
@@ -48,22 +47,17 @@ class BenchStiffness:
     keel.flexural_modulus and fulcrum.stiffness matter. The others are accepted, and all derivatives by them are zero:
     damping has no part at the testing machine's speed, fulcrum.shift is where the fulcrum was in a walk.
 
-    Args:
-        foot: whose values hold where none is given.
-        fulcrums_m: positions (m from A) at which the forefoot is pressed.
-        heel: whether the heel is pressed too.
-        max_load_n, above_n: the two loads (N) between which stiffness is taken.
-        mid_range: whether half of `max_load_n` is put on too, for `displacement`.
+    `foot` has the values that hold where none is given; the forefoot is pressed at `fulcrums_m` (m from A), the heel if
+    asked, to `max_load_n` (N).
     """
 
-    def __init__(self, foot: FootParameters, *, fulcrums_m: Sequence[float], heel: bool, max_load_n: float = 600.0,
-                 above_n: float = 200.0, mid_range: bool = False) -> None:
-        if not 0.0 < above_n < max_load_n < math.inf:
-            raise InputError(f"{above_n:g} N and {max_load_n:g} N are no two loads for a slope", where="max_load_n",
-                             right="It must be more than above_n, and both positive")
-        self.loads_n = np.unique([above_n, max_load_n, *([0.5 * max_load_n] if mid_range else [])])
-        self._ends = np.searchsorted(self.loads_n, [above_n, max_load_n])
-        self._middle = int(np.searchsorted(self.loads_n, 0.5 * max_load_n)) if mid_range else None
+    def __init__(
+        self, foot: FootParameters, *, fulcrums_m: Sequence[float], heel: bool, max_load_n: float = 600.0
+    ) -> None:
+        if not STIFFNESS_ABOVE_N < max_load_n < math.inf:
+            raise InputError(f"{max_load_n:g} N is no largest load for a slope", where="max_load_n",
+                             right=f"It must be more than {STIFFNESS_ABOVE_N:g} N")
+        self.loads_n = np.array([STIFFNESS_ABOVE_N, max_load_n, 0.5 * max_load_n])
         self.fulcrums_m = tuple(check_fulcrum(float(x), foot, where="fulcrums_m") for x in fulcrums_m)
         self.heel = heel
         reach = 0.5 * foot.series_patch_m
@@ -88,23 +82,19 @@ class BenchStiffness:
         variable. SimulationError if the foot cannot bear the load.
         """
         travel, by, columns, _ = self._travel(values, with_respect_to)
-        low, high = self._ends
-        span = travel[:, high] - travel[:, low]
-        stiffness = (self.loads_n[high] - self.loads_n[low]) / span
-        return stiffness, _picked(-(stiffness / span)[:, None] * (by[:, high] - by[:, low]), columns)
+        span = travel[:, 1] - travel[:, 0]
+        stiffness = (self.loads_n[1] - self.loads_n[0]) / span
+        return stiffness, _picked(-(stiffness / span)[:, None] * (by[:, 1] - by[:, 0]), columns)
 
     def displacement(
         self, values: Mapping[str, float], with_respect_to: Sequence[str] = ()
     ) -> tuple[np.ndarray, np.ndarray]:
         """Travel (m,) m since touch-down under half of the largest load, and (m, P) its derivatives; see `evaluate`.
 
-        Where several zones are touched at once, the derivatives are those of the first one. ValueError if it was made
-        without `mid_range`.
+        Where several zones are touched at once, the derivatives are those of the first one.
         """
-        if self._middle is None:
-            raise ValueError("this bench was made without mid_range")
         travel, by, columns, law = self._travel(values, with_respect_to)
-        at, slope = travel[:, self._middle], by[:, self._middle].copy()
+        at, slope = travel[:, 2], by[:, 2].copy()
         rises = len(self._default) - law.shape[1]
         if self._foam is not None:
             slope[: len(self.fulcrums_m), rises + self._foam.touched_zone(law)] -= 1.0
@@ -160,7 +150,7 @@ class BenchStiffness:
                 if np.abs(shape.angles).max() > LARGEST_KEEL_ANGLE:
                     raise SimulationError(f"a joint turns by more than {LARGEST_KEEL_ANGLE:g} rad", time_s=0.0)
             except SimulationError as error:
-                raise SimulationError(f"the forefoot gives way under {self.loads_n[-1]:g} N with the fulcrum at "
+                raise SimulationError(f"the forefoot gives way under {self.loads_n[1]:g} N with the fulcrum at "
                                       f"{1e3 * fulcrum:g} mm: {error.what}", time_s=0.0) from error
             rise[i, k], by[i, k] = shape.load_point_K[1], shape.rise_by
         return rise, by

@@ -1,10 +1,8 @@
 """Force control of the roll-over machine: a smooth path of the mount's height on which the foot bears a given force.
 
-First the heights are found one after the other in coarse steps: the force at a step's end rises as the mount goes
-down, so each is the root of one equation. In fine steps this would not do: pressed at its toe, the keel's inertia makes
-the inverse from force to height unstable. So the path is then a cubic spline, and all of its coefficients are improved
-together by Gauss-Newton steps on the force over the whole stance. What a coefficient changes dies out soon after it, so
-that one run tells the effect of several that lie far apart.
+First the heights are found one after the other in coarse steps, each the root of one equation. In fine steps this would
+not do: pressed at its toe, the keel's inertia makes the inverse from force to height unstable. So the path is then a
+cubic spline, whose coefficients are improved together by Gauss-Newton steps on the force over the whole stance.
 """
 
 from __future__ import annotations

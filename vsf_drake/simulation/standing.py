@@ -7,12 +7,9 @@ Three ways, the freest first that stays up:
     sideways    place and list free; tilt and rotation held
     upright     place free; the attitude held, at the list at which both unloaded soles touch the floor
 
-The person is let go a little off rest (NUDGE_M, NUDGE_RAD), so that standing still means coming back.
-
-At anatomically neutral angles hip, knee and ankle stand over each other and the centre of mass over the ankle, near
-the heel's end of the foot: leaning back on their own sponginess the feet lose their toes before they right the body,
-so that nobody of this build balances fore and aft without leaning at the ankles, as people do. What holding took is
-therefore part of the result. Sideways it depends on the weight and on how much softer the prosthesis is.
+The person is let go a little off rest (NUDGE_M, NUDGE_RAD), so that standing still means coming back. At anatomically
+neutral angles the centre of mass is over the ankle, near the heel's end of the foot: leaning back the feet lose their
+toes before they right the body, so that nobody of this build balances fore and aft without leaning at the ankles.
 """
 
 from __future__ import annotations
@@ -82,8 +79,7 @@ def _let_go(
     q["pelvis_ty"] += NUDGE_M
     towards = 1.0 if walker.subject.prosthetic_side == "right" else -1.0
     for name, sign in zip(ROTATIONS, (1.0, towards, towards), strict=True):
-        if name in walker.free:
-            q[name] += sign * NUDGE_RAD
+        q[name] += sign * NUDGE_RAD if name in walker.free else 0.0
     return posture.run(walker, q, duration_s=duration_s, step_s=step_s, progress=progress), rest_speed
 
 
@@ -134,11 +130,9 @@ def _result(
 
 # Whether a person with stiff joints can balance, and how the pelvis must be turned for it.
 #
-# With every joint held, the person is one body on two springy feet: an inverted pendulum. Turned by an angle, the
-# weight topples it with m g h times the angle (h: centre of mass above the ground), and the feet right it as far as
-# they are stiff and their spheres stay loaded. The moment that it takes to hold the pelvis at an angle tells all:
-# where it is zero the person is in equilibrium, and where it then grows with the angle the equilibrium is stable.
-# Divided by the weight it is the distance of the centre of mass from the centre of pressure.
+# With every joint held, the person is one body on two springy feet: an inverted pendulum, which the weight topples with
+# m g h times its angle (h: centre of mass above the ground) and the feet right. Where the moment that holds the pelvis
+# at an angle is zero the person is in equilibrium, and where it grows with the angle the equilibrium is stable.
 
 
 TRANSLATIONS, ROTATIONS = PELVIS_COORDINATES[:3], PELVIS_COORDINATES[3:]

@@ -290,7 +290,7 @@ class TrialTerms:
 def bench_of(foot: FootParameters, bench: BenchMeasurement) -> BenchStiffness:
     """The machine that presses this foot as it was measured. Raises InputError where its carriage does not reach."""
     return BenchStiffness(foot, fulcrums_m=bench.fulcrum_m, heel=bench.heel_stiffness_n_per_m is not None,
-                          max_load_n=bench.max_load_n, mid_range=bench.mid_range_m is not None)
+                          max_load_n=bench.max_load_n)
 
 
 # Which recordings make one fit: one subject, one model, whole stances, each with what is compared.

@@ -111,8 +111,6 @@ class RollOverTable:
     iso: Iso
     walks: tuple[Footfall, ...]  # their curves are `walk_0_...` and so on
     conditions: tuple[RollOverCondition, ...]
-    foot_length_m: float
-    heel_behind_pylon_m: float
     synthetic: bool
 
 
@@ -154,8 +152,7 @@ def roll_over_section(study: Study, *, progress: Progress | None = None) -> Sect
               follows=bool(rolled) and all(row.follows for row in rolled), with_friction=tuple(rough))
     return Section(
         table=RollOverTable(
-            inclined=tuple(inclined), iso=iso, walks=tuple(rows), conditions=conditions, foot_length_m=foot.length_m,
-            heel_behind_pylon_m=foot.pylon_x_m - foot.heel_x_m, synthetic=study.synthetic),
+            inclined=tuple(inclined), iso=iso, walks=tuple(rows), conditions=conditions, synthetic=study.synthetic),
         arrays={**curves, **more}, missing=tuple(missing))
 
 
@@ -170,13 +167,10 @@ def _condition(fulcrum_mm: float, rows: Sequence[Footfall]) -> RollOverCondition
                              measured=means([row.measured for row in rows]))
 
 
-# The foot pressed at an angle, as structural tests press feet: heel at -15 degrees, forefoot at +20 degrees.
+# The foot pressed at an angle, as structural tests press feet: the peaks of the ISO 22675 profile, rounded.
 #
-# The angles are those of the force peaks of the ISO 22675 profile (-15.0 and +19.8 degrees), rounded; below zero loads
-# the heel. The platen is level and the foot pitched, toes up by minus the angle; the mount moves along the platen's
-# normal, and force and displacement are taken along it. On a platen without friction, as here, a test that moves the
-# pylon along its own axis gives the same energy, its displacement divided and its force multiplied by the angle's
-# cosine.
+# Below zero loads the heel. The platen is level and without friction, the foot pitched by minus the angle, toes up; it
+# moves along the platen's normal, along which force and displacement are taken.
 
 ANGLES_DEG = (-15.0, 20.0)
 LARGEST_LOAD_N = 600.0
@@ -247,10 +241,8 @@ def tilt_rad(time_s: np.ndarray) -> np.ndarray:
 
 # The roll-over shape of each walk of a study, from the model's centre of pressure and from the plate's.
 #
-# Both are seen from the same frame, which owes the simulation nothing: the recorded residual shank's. Its origin stands
-# for the ankle, which the prosthesis does not have: the pylon's lower end, where the foot's mount is, with the socket
-# unloaded; up is along the pylon to the knee, forward the shank's own. What the socket gives under load is thus part of
-# the shape.
+# Both are seen from the same frame, which owes the simulation nothing: the recorded residual shank's, its origin where
+# the pylon's lower end is with the socket unloaded. What the socket gives under load is thus part of the shape.
 
 OPPOSITE_STRIKE, TOE_OFF = "opposite heel strike", "toe-off"
 
@@ -344,12 +336,8 @@ def _arm(
     return mean_moment_arm(time[rows], -np.einsum("ni,ni->n", moment, frames.axes[:, :, 1]), force[rows, 2])
 
 
-# The foot rolled over by the loading profile of ISO 22675, at each fulcrum position.
-#
-# The pylon stays on a fixed line, the platform tilts; force along that line and tilt follow the profile, and the
-# mount's height is what it takes (`simulation.roll_over`). Idealised are: the platform has
-# no friction, so that the guide of the line bears what is sideways and the place of the tilt axis has no part in the
-# forces; the pylon cannot turn about a joint at its top; the foot's inertia in the turning frame is left out.
+# The foot rolled over by the loading profile of ISO 22675, at each fulcrum position (`simulation.roll_over`), with the
+# platform's friction left out, so that the guide of the line bears what is sideways; no joint at the pylon's top.
 
 SECOND_PEAK_S = 0.4475
 """The shape ends at the second peak of the force: later the load only leaves the toe."""
@@ -418,18 +406,15 @@ def _iso_row(machine: RollOver, run: RollOverRun, following: Following, fulcrum:
 
 # The roll-over shape of a foot: its arc, its effective length, and the mean moment arm about the ankle.
 #
-# The shape is the centre of pressure seen from the shank, from heel contact to opposite heel contact; its rocker is
-# described by the radius of a circular arc (Hansen, Childress & Knox 2004, and the abstracts of Hansen's later work).
-# Not read at their source (for the length Hansen, Sam & Childress 2004, J. Prosthet. Orthot. 16), as used here:
+# Hansen, Childress & Knox 2004; Hansen, Sam & Childress 2004 (J. Prosthet. Orthot. 16), not read at their source. As
+# used here:
 #
-# - effective foot length: from the heel, the rear end of the foot, to the shape's front end, along the shank frame's
-#   forward axis;
-# - its ratio: to the length of the foot, from the same heel to its toe;
+# - effective foot length ratio: from the heel, the rear end of the foot, to the shape's front end, along the shank
+#   frame's forward axis, over the length of the foot;
 # - arc: the circle whose distances from the points of the shape have the least sum of squares, the points evenly spaced
-#   along the shape rather than in time, so that no part counts more because the load rests there.
-#
-# The dynamic mean ankle moment arm is "the ratio of sagittal ankle moment impulse to ground reaction force impulse"
-# (abstract of Adamczyk 2020, doi 10.1115/1.4045817); here the impulse of the vertical force is taken.
+#   along the shape rather than in time, so that no part counts more because the load rests there;
+# - mean moment arm: "the ratio of sagittal ankle moment impulse to ground reaction force impulse" (abstract of Adamczyk
+#   2020, doi 10.1115/1.4045817); here the impulse of the vertical force is taken.
 
 _SPACING_M = 1e-3
 _STRAIGHT = 20.0

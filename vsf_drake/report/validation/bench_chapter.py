@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import (
@@ -22,16 +21,13 @@ from vsf_drake.report.style import (
     colour_of,
     drawing,
     label,
-    log_scale,
 )
 
 if TYPE_CHECKING:
     from vsf_drake.analysis.validation.bench_lines import SettingRow
     from vsf_drake.analysis.validation.bench_section import BenchSectionTable, LoadPoint
 
-_LINES = {"measured": ("", "0.55"), "model": ("o", "0.1"), "nominal": ("s", "0.78"), "refined": ("D", "0.38"),
-          "calibrated": ("^", "0.95")}
-"""Marker and grey of each."""
+_MARKERS = {"model": "o", "nominal": "s", "refined": "D", "calibrated": "^"}
 _NOMINAL: dict[str, Any] = {"linestyle": (0, (1, 2)), "linewidth": 1.2}
 _SLOPE_ABOVE_N = 200.0
 _DOTTED: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
@@ -102,9 +98,18 @@ def bench_agreement_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
     judged = table.lines[0].statistics is not None
     with drawing(10.5 if judged else 6.4, 4.3) as figure:
         first, *others = figure.subplots(1, 3, width_ratios=(1.1, 1.0, 1.0)) if judged else [figure.subplots()]
-        if others:
-            _errors(others[0], table, arrays)
-            _offsets(others[1], table)
+        if judged:
+            _errors(others[0], table, "stiffness_n_per_mm", ("stiffness", "N/mm"), "Error of stiffness")
+            _errors(others[1], table, "mid_range_mm", ("mid-range displacement", "mm"),
+                    "Offset Δ_D of the mid-range displacement")
+            if "regression_line" in arrays:
+                at, line, low, high = (arrays[f"regression_{key}"] for key in (
+                    "measured_n_per_mm", "line", "low", "high"))
+                others[0].fill_between(at, low - at, high - at, color="0.5", alpha=0.35, linewidth=0,
+                                       label="regression, 95 % band")
+                others[0].plot(at, line - at, color="0.1", **SIMULATED)
+            for axes in others:
+                axes.legend(loc="upper left", fontsize=7.5)
         _stiffness(first, table)
     return figure
 
@@ -133,37 +138,20 @@ def _stiffness(axes: Axes, table: BenchSectionTable) -> None:
     label(axes, x=FULCRUM, y="stiffness above 200 N (N/mm)", title="Stiffness")
 
 
-def _errors(axes: Axes, table: BenchSectionTable, arrays: Arrays) -> None:
-    rows, limit = _forefoot(table), table.limits["stiffness_rmse_n_per_mm"]
-    axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} N/mm")
+def _errors(axes: Axes, table: BenchSectionTable, key: str, quantity: tuple[str, str], title: str) -> None:
+    """By what each model misses the measurement, over the measured value; `quantity` in words and its unit."""
+    rows, (name, unit) = _forefoot(table), quantity
+    limit = table.limits["stiffness_rmse_n_per_mm" if unit == "N/mm" else "mid_range_rmse_mm"]
+    axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} {unit}")
     axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
-    measured = _of_line(rows, "measured", "stiffness_n_per_mm")
-    if "regression_line" in arrays:
-        at, middle, low, high = (arrays[f"regression_{key}"] for key in ("measured_n_per_mm", "line", "low", "high"))
-        axes.fill_between(at, low - at, high - at, color="0.5", alpha=0.35, linewidth=0,
-                          label="regression, 95 % band")
-        axes.plot(at, middle - at, color="0.1", **SIMULATED)
+    measured = _of_line(rows, "measured", key)
     for line in table.lines:
         own = line.key == "model"
-        axes.plot(measured, _of_line(rows, line.key, "stiffness_n_per_mm") - measured, linestyle="", color="0.1",
-                  marker=_LINES[line.key][0], markerfacecolor="0.1" if own else "none",
-                  markersize=5 if own else 8, label=line.name)
-    axes.set_ylim(-1.9 * limit, 2.6 * limit)
-    axes.margins(x=0.08)
-    axes.legend(loc="upper left", fontsize=7.5)
-    label(axes, x="measured stiffness (N/mm)", y="simulated less measured (N/mm)", title="Error of stiffness")
-
-
-def _offsets(axes: Axes, table: BenchSectionTable) -> None:
-    rows, limit = _forefoot(table), table.limits["mid_range_rmse_mm"]
-    axes.axhspan(-limit, limit, color=SHADE, zorder=0, label=f"paper's RMSE, ± {limit:g} mm")
-    axes.axhline(0.0, color=NEUTRAL, linewidth=0.8)
-    _bars(axes, [(line.name, _LINES[line.key][1], _of_line(rows, line.key, "mid_range_offset_mm"))
-                for line in table.lines], [f"{row.fulcrum_mm:g}" for row in rows])
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.45 * (high - low))
-    axes.legend(loc="upper left", fontsize=7.5)
-    label(axes, x=FULCRUM, y="simulated less measured (mm)", title="Offset Δ_D of the mid-range displacement")
+        axes.plot(measured, _of_line(rows, line.key, key) - measured, linestyle="", color="0.1",
+                  marker=_MARKERS[line.key], markerfacecolor="0.1" if own else "none", markersize=5 if own else 8,
+                  label=line.name)
+    axes.margins(x=0.08, y=0.4)
+    label(axes, x=f"measured {name} ({unit})", y=f"simulated less measured ({unit})", title=title)
 
 
 def _curves_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
@@ -206,43 +194,25 @@ def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arra
 
 
 def _energy_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
-    """Loading and unloading: the loop at the highest speed, and what is lost by speed."""
-    with drawing(10.5, 4.2) as figure:
-        left, right = figure.subplots(1, 2)
-        _loops(left, table, arrays)
-        _losses(right, table)
+    """Loading and unloading at the highest speed: the area between is lost."""
+    with drawing(7.2, 4.2) as figure:
+        axes = figure.subplots()
+        for fulcrum, x, load in zip(table.rate_settings_mm, arrays["loop_mm"], arrays["loop_n"], strict=True):
+            colour = colour_of(fulcrum)
+            axes.fill(np.concatenate(x), np.concatenate(load), color=colour, alpha=0.18, linewidth=0)
+            axes.plot(x[0], load[0], color=colour, **SIMULATED)
+            axes.plot(x[1], load[1], color=colour, **_DOTTED)
+            if np.isfinite(x[0, -1]):
+                _tag(axes, fulcrum, (x[0, -1], load[0, -1]), xytext=(0, 5), ha="center")
+        axes.plot([], [], color=NEUTRAL, label="loading", **SIMULATED)
+        axes.plot([], [], color=NEUTRAL, label="unloading (area between: lost)", **_DOTTED)
+        axes.set_xlim(left=0.0)
+        axes.margins(y=0.12)
+        axes.set_ylim(bottom=0.0)
+        axes.legend(loc="lower right", **_OVER)
+        label(axes, x="displacement of the platen (mm)", y="load (N)",
+              title=f"There and back at {max(row.speed_mm_per_min for row in table.rates):g} mm/min")
     return figure
-
-
-def _loops(axes: Axes, table: BenchSectionTable, arrays: Arrays) -> None:
-    for fulcrum, x, load in zip(table.rate_settings_mm, arrays["loop_mm"], arrays["loop_n"], strict=True):
-        colour = colour_of(fulcrum)
-        axes.fill(np.concatenate(x), np.concatenate(load), color=colour, alpha=0.18, linewidth=0)
-        axes.plot(x[0], load[0], color=colour, **SIMULATED)
-        axes.plot(x[1], load[1], color=colour, **_DOTTED)
-    axes.plot([], [], color=NEUTRAL, label="loading", **SIMULATED)
-    axes.plot([], [], color=NEUTRAL, label="unloading (area between: lost)", **_DOTTED)
-    axes.set_xlim(left=0.0)
-    axes.margins(y=0.12)
-    axes.set_ylim(bottom=0.0)
-    axes.legend(loc="lower right", **_OVER)
-    label(axes, x="displacement of the platen (mm)", y="load (N)",
-          title=f"There and back at {max(row.speed_mm_per_min for row in table.rates):g} mm/min")
-
-
-def _losses(axes: Axes, table: BenchSectionTable) -> None:
-    for i, fulcrum in enumerate(table.rate_settings_mm):
-        rows = [row for row in table.rates if row.fulcrum_mm == fulcrum and row.lost_j > 0.0]
-        axes.plot(_numbers(rows, "speed_mm_per_min"), [100.0 * (1.0 - row.return_ratio) for row in rows],
-                  color=colour_of(fulcrum), markersize=5, label=_position(fulcrum),
-                  marker="*" if fulcrum is None else MARKERS[i % len(MARKERS)], **SIMULATED)
-    log_scale(axes.xaxis)
-    log_scale(axes.yaxis)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda number, _: f"{number:g}"))
-        axis.set_minor_formatter(NullFormatter())
-    axes.legend(loc="upper left")
-    label(axes, x="speed of the platen (mm/min)", y="lost of what was stored (%)", title="Loss by speed")
 
 
 def _load_point_figure(points: Sequence[LoadPoint]) -> Figure:
@@ -268,36 +238,24 @@ def _load_point_figure(points: Sequence[LoadPoint]) -> Figure:
 
 
 def _shape_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
-    """The linear and the curvilinear part of the curves: slope dF/dx over load on the left, curvature by position on
-    the right."""
-    with drawing(10.5, 4.4) as figure:
-        left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
-        for i, row in enumerate(table.settings):
-            if row.fulcrum_mm is None:
-                continue
+    """The linear and the curvilinear part of the curves: slope dF/dx over load."""
+    with drawing(7.2, 4.4) as figure:
+        axes = figure.subplots()
+        for i, row in enumerate(_forefoot(table)):
             load, ends = arrays["load_n"][i], []
             for key, look in (("measured", MEASURED), ("model", SIMULATED)):
                 slope = arrays[f"{key}_tangent_n_per_mm"][i]
-                left.plot(load, slope, color=colour_of(row.fulcrum_mm), **look)
+                axes.plot(load, slope, color=colour_of(row.fulcrum_mm), **look)
                 ends += [*slope[np.isfinite(slope)][-1:]]
             if ends:
-                _tag(left, row.fulcrum_mm, (load[-1], ends[-1]), xytext=(3, 0), va="center")
-        left.axvline(_SLOPE_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
+                _tag(axes, row.fulcrum_mm, (load[-1], ends[-1]), xytext=(3, 0), va="center")
+        axes.axvline(_SLOPE_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
         if table.measured_name:
-            left.plot([], [], color=NEUTRAL, label=_source(table), **MEASURED)
-        left.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
-        left.set_ylim(0.0, 1.2 * left.get_ylim()[1])
-        left.legend(loc="upper left")
-        label(left, x="load (N)", y="slope dF/dx (N/mm)", title="Slope over load (dotted: 200 N)")
-        rows = _forefoot(table)
-        names = {"measured": _source(table)} if table.measured_name else {}
-        names |= {line.key: line.name for line in table.lines}
-        _bars(right, [(name, _LINES[key][1], 100.0 * _of_line(rows, key, "curvature_share"))
-                     for key, name in names.items()], [f"{row.fulcrum_mm:g}" for row in rows])
-        right.set_ylim(0.0, 1.5 * right.get_ylim()[1])
-        right.legend(loc="upper left", ncols=2)
-        label(right, x=FULCRUM, y="largest distance from the chord (% of travel)",
-              title="How far the curve is from straight")
+            axes.plot([], [], color=NEUTRAL, label=_source(table), **MEASURED)
+        axes.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
+        axes.set_ylim(0.0, 1.2 * axes.get_ylim()[1])
+        axes.legend(loc="upper left")
+        label(axes, x="load (N)", y="slope dF/dx (N/mm)", title="Slope over load (dotted: 200 N)")
     return figure
 
 
@@ -325,12 +283,3 @@ def _tag(axes: Axes, fulcrum_mm: float | None, at: tuple[float, float], **option
     """Names a position beside its curve."""
     axes.annotate(_position(fulcrum_mm), at, fontsize=8, textcoords="offset points", color=colour_of(fulcrum_mm),
                   fontweight="bold", annotation_clip=False, **options)
-
-
-def _bars(axes: Axes, groups: Sequence[tuple[str, str, Any]], places: Sequence[str]) -> None:
-    """Bars side by side at each place: a label, a grey and the heights of each group."""
-    width = 0.8 / len(groups)
-    for j, (text, grey, heights) in enumerate(groups):
-        axes.bar(np.arange(len(places)) + (j - 0.5 * (len(groups) - 1)) * width, heights, width, color=grey,
-                 edgecolor="0.1", linewidth=0.6, label=text)
-    axes.set_xticks(np.arange(len(places)), places)

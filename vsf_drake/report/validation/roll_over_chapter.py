@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from vsf_drake.report.page import Chapter
 from vsf_drake.report.style import (
-    HEEL_COLOUR,
     MARKERS,
     MEASURED,
     NEUTRAL,
@@ -60,33 +59,23 @@ def roll_over_chapter(table: RollOverTable, arrays: Arrays) -> Chapter:
 
 
 def _inclined_figure(rows: Sequence[InclinedRow], arrays: Arrays) -> Figure:
-    """Load and displacement of the foot pressed at an angle, and energy by fulcrum position."""
+    """Load and displacement of the foot pressed at an angle."""
     with drawing(10.5, 3.9) as figure:
-        *panels, energy = figure.subplots(1, 3, width_ratios=(1.0, 1.3, 1.0))
-        for axes, sign, title, marker, place in ((panels[0], "minus", "Heel, -15°", "s", "upper left"),
-                                                 (panels[1], "plus", "Forefoot, +20°", "o", "lower right")):
+        for axes, sign, title, place in zip(figure.subplots(1, 2, width_ratios=(1.0, 1.3)), ("minus", "plus"), (
+                "Heel, -15°", "Forefoot, +20°"), ("upper left", "lower right"), strict=True):
             own = [row for row in rows if (row.angle_deg > 0.0) == (sign == "plus")]
             for i, row in enumerate(own):
-                fulcrum = row.fulcrum_mm
-                name = f"inclined_{sign}{abs(row.angle_deg):.0f}_{fulcrum:.0f}"
+                name = f"inclined_{sign}{abs(row.angle_deg):.0f}_{row.fulcrum_mm:.0f}"
                 load = arrays[f"{name}_load_n"]
                 loading = slice(0, int(np.argmax(load)) + 1)
-                axes.plot(1e3 * arrays[f"{name}_displacement_m"][loading], load[loading], color=colour_of(fulcrum),
-                          label=name_of(fulcrum), marker=MARKERS[i % len(MARKERS)], markersize=4,
-                          markevery=(8 + 4 * i, 22), **SIMULATED)
-                energy.plot(fulcrum, row.energy_stored_j, marker, markersize=6, color=colour_of(fulcrum))
+                axes.plot(1e3 * arrays[f"{name}_displacement_m"][loading], load[loading],
+                          color=colour_of(row.fulcrum_mm), label=name_of(row.fulcrum_mm), markersize=4,
+                          marker=MARKERS[i % len(MARKERS)], markevery=(8 + 4 * i, 22), **SIMULATED)
             axes.set_xlim(left=0.0)
             axes.set_ylim(bottom=0.0)
             label(axes, x="displacement (mm)", y="load (N)", title=title)
             if own:
                 axes.legend(loc=place)
-                energy.plot([row.fulcrum_mm for row in own], [row.energy_stored_j for row in own],
-                            color=HEEL_COLOUR, linewidth=0.8, linestyle=":", zorder=1.9)
-                energy.plot([], [], marker, color=HEEL_COLOUR, label=title.lower())
-        energy.legend(loc="best")
-        energy.set_ylim(bottom=0.0)
-        energy.margins(x=0.12)
-        label(energy, x="fulcrum position (mm)", y="energy stored at 600 N (J)", title="Energy stored")
     return figure
 
 
