@@ -27,15 +27,10 @@ def pose(machine, forward=0.0, up=0.0, pitch=0.0):
     return machine.foot.frame.EvalPoseInWorld(context)
 
 
-def test_mount_stands_at_build_height_over_the_sole(machine):
-    X = pose(machine, up=0.2)
-    sole = X @ np.array([FOOT.pylon_x_m, 0.0, sole_height(FOOT)])
-    np.testing.assert_allclose(sole, [0.0, 0.0, 0.2 - FOOT.build_height_m], atol=1e-12)
-
-
-def test_positive_pitch_lifts_the_toes_about_the_mount(machine):
-    X = pose(machine, forward=0.3, up=0.2, pitch=0.25)
-    heel, toe = X @ np.zeros(3), X @ np.array([0.229, 0.0, 0.0])
+def test_mount_stands_at_build_height_over_the_sole_and_positive_pitch_lifts_the_toes_about_it(machine):
+    X, turned = pose(machine, up=0.2), pose(machine, forward=0.3, up=0.2, pitch=0.25)
+    sole = np.array([FOOT.pylon_x_m, 0.0, sole_height(FOOT)])
+    np.testing.assert_allclose(X @ sole, [0.0, 0.0, 0.2 - FOOT.build_height_m], atol=1e-12)
+    np.testing.assert_allclose(turned @ (sole + np.array([0.0, 0.0, FOOT.build_height_m])), [0.3, 0.0, 0.2], atol=1e-12)
+    heel, toe = turned @ np.zeros(3), turned @ np.array([0.229, 0.0, 0.0])
     assert toe[2] - heel[2] == pytest.approx(0.229 * np.sin(0.25))
-    mount = X @ np.array([FOOT.pylon_x_m, 0.0, FOOT.build_height_m + sole_height(FOOT)])
-    np.testing.assert_allclose(mount, [0.3, 0.0, 0.2], atol=1e-12)

@@ -15,11 +15,7 @@ from vsf_drake.contact_file import model_with
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws.beam import lumped_stiffness, section_inertia
 from vsf_drake.parameters import FootParameters, ModelParameters
-from vsf_drake.simulation.bench import (
-    PUBLISHED_SPEED_M_PER_S,
-    Bench,
-    keel_shape,
-)
+from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, keel_shape
 
 FOOT = FootParameters()
 
@@ -39,20 +35,21 @@ def press(bench, fulcrum=0.108, speed=PUBLISHED_SPEED_M_PER_S, load=600.0):
     return bench.press(fulcrum_m=fulcrum, max_load_n=load, speed_m_per_s=speed)
 
 
-@pytest.mark.parametrize("fulcrum", [0.066, 0.151])
-@pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_speed_does_not_matter(bench, fulcrum, factor):
-    usual = slope(press(bench, fulcrum))
-    assert slope(press(bench, fulcrum, factor * PUBLISHED_SPEED_M_PER_S)) == pytest.approx(usual, rel=5e-3)
+def travel(setting, load):
+    return float(np.interp(load, setting.load_n, setting.platen_m))
 
 
-@pytest.mark.parametrize("integrator", ["radau3", "implicit_euler"])
+def test_speed_does_not_matter(bench):
+    usual, fast = (slope(press(bench, 0.066, factor * PUBLISHED_SPEED_M_PER_S)) for factor in (1.0, 2.0))
+    assert fast == pytest.approx(usual, rel=5e-3)
+
+
 @pytest.mark.parametrize("heel", [False, True])
-def test_simulator_gives_the_same_curve(heel, integrator):
+def test_simulator_gives_the_same_curve(heel):
     bench = Bench(FOOT, heel=heel)
     setting = press(bench, 0.066)
     reference = simulate_bench_reference(bench, fulcrum_m=0.066, travel_m=setting.platen_m[-1],
-                                         speed_m_per_s=PUBLISHED_SPEED_M_PER_S, integrator=integrator)
+                                         speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
     platen, load = np.append(0.0, setting.platen_m), np.append(0.0, setting.load_n)
     np.testing.assert_allclose(reference.load_n, np.interp(reference.platen_m, platen, load), atol=0.1)
     assert reference.load_n[-1] > 599.0
@@ -70,18 +67,6 @@ def test_parameters_in_the_context_are_those_of_both_ways():
     assert reference.load_n[-1] == pytest.approx(softer.load_n[-1], abs=0.1)
 
 
-def test_unloading_returns_what_the_keels_damping_leaves(bench):
-    """Pressed and released slowly the keel gives nearly all back; no load pulls on the foot."""
-    time = np.linspace(0.0, 60.0, 601)
-    platen = 0.02 * (1 - np.abs(time / 30.0 - 1))
-    setting = bench.follow(fulcrum_m=0.108, time_s=time, platen_m=platen)
-    load, moved = np.append(0.0, setting.load_n), np.append(0.0, setting.platen_m)
-    work = np.diff(moved) * 0.5 * (load[1:] + load[:-1])
-    stored, returned = work[work > 0].sum(), -work[work < 0].sum()
-    assert 0.0 < stored - returned < 0.02 * stored
-    assert setting.load_n.min() >= 0.0
-
-
 def test_load_that_is_not_reached_is_said(bench):
     time = np.linspace(0.0, 2.0, 51)
     with pytest.raises(SimulationError, match=r"the forefoot gave way: .* N of 600 N after 2 mm .* at 66 mm"):
@@ -96,20 +81,12 @@ def test_useless_settings_are_refused(bench, changed, message):
         press(bench, **changed)
 
 
-MODEL = ModelParameters()
-PRESSED = {"fulcrum_m": 0.108, "max_load_n": 600.0, "speed_m_per_s": PUBLISHED_SPEED_M_PER_S}
-
-
-def travel(setting, load):
-    return float(np.interp(load, setting.load_n, setting.platen_m))
-
-
-@pytest.mark.parametrize(("stiffness", "exponent"), [(3.5e5, 1.3), (4e7, 2.0), (7e12, 4.0)])
+@pytest.mark.parametrize(("stiffness", "exponent"), [(3.5e5, 1.3), (7e12, 4.0)])
 def test_under_a_stiff_keel_the_bench_measures_the_foam_alone(stiffness, exponent):
     stiff = replace(FOOT, keel=replace(FOOT.keel, flexural_modulus_pa=1e12), series_exponent=exponent,
                     fulcrum=replace(FOOT.fulcrum, stiffness_n_per_m=1e9), series_stiffness_n_per_m=stiffness)
-    setting = Bench(stiff).press(**PRESSED)
-    rest = Bench(replace(stiff, series_exponent=1.0, series_stiffness_n_per_m=1e9)).press(**PRESSED)
+    setting = press(Bench(stiff))
+    rest = press(Bench(replace(stiff, series_exponent=1.0, series_stiffness_n_per_m=1e9)))
     for load in (100.0, 300.0, 600.0):
         foam = travel(setting, load) - travel(rest, load) + load / 1e9
         assert foam == pytest.approx((load / stiffness) ** (1.0 / exponent), rel=0.01)
@@ -118,22 +95,22 @@ def test_under_a_stiff_keel_the_bench_measures_the_foam_alone(stiffness, exponen
 def test_the_fitted_foot_is_pressed_on_its_own_spheres():
     """Forefoot: eight spheres bear as one foam of eight times their stiffness. Heel: lower spheres come first."""
     values = {"contact.forefoot.stiffness": 2e6, "contact.forefoot.exponent": 1.8, "contact.heel.stiffness": 4e4}
-    fitted = model_with(MODEL, values).foot
+    fitted = model_with(ModelParameters(), values).foot
     foam = replace(FOOT, series_stiffness_n_per_m=8 * 2e6, series_exponent=1.8)
-    np.testing.assert_allclose(Bench(fitted).press(**PRESSED).load_n, Bench(foam).press(**PRESSED).load_n, rtol=1e-12)
-    lowered = model_with(MODEL, values | {"contact.heel.rise": -2e-3}).foot
-    press = Bench(lowered, heel=True).press(**(PRESSED | {"fulcrum_m": 0.066}))
+    np.testing.assert_allclose(press(Bench(fitted)).load_n, press(Bench(foam)).load_n, rtol=1e-12)
+    lowered = model_with(ModelParameters(), values | {"contact.heel.rise": -2e-3}).foot
+    pressed = press(Bench(lowered, heel=True), 0.066)
     for load in (40.0, 70.0):
-        assert travel(press, load) == pytest.approx(load / 4e4, rel=0.02)
+        assert travel(pressed, load) == pytest.approx(load / 4e4, rel=0.02)
     share = 2 * 65e3 / 3
     for load in (200.0, 500.0):
-        assert travel(press, load) == pytest.approx((load + 2e-3 * share) / (4e4 + share), rel=0.02)
+        assert travel(pressed, load) == pytest.approx((load + 2e-3 * share) / (4e4 + share), rel=0.02)
 
 
 def test_a_very_hard_foam_still_carries_the_load():
     """The bound on the platen's travel counts with the law, or a soft start would look like a foot that gives way."""
     soft_start = replace(FOOT, series_exponent=6.0, series_stiffness_n_per_m=600.0 / 0.02**6)
-    setting = Bench(soft_start).press(**PRESSED)
+    setting = press(Bench(soft_start))
     assert setting.load_n[-1] >= 600.0 and setting.unconverged_steps == 0
 
 
@@ -173,9 +150,9 @@ def test_small_load_stiffness_is_that_of_the_chain(layout):
 
 
 def test_stiffness_rises_smoothly_with_the_fulcrum_also_across_joints():
-    """No step and no reversal, at 1 mm and refined to 0.1 mm."""
+    """No step and no reversal, at 2.5 mm and refined to 0.25 mm."""
     bench = Bench(FOOT)
-    coarse, fine = np.arange(0.066, 0.1511, 1e-3), np.arange(0.066, 0.15105, 1e-4)
+    coarse, fine = np.arange(0.066, 0.1511, 2.5e-3), np.arange(0.066, 0.15105, 2.5e-4)
     rough = np.array([small_load_stiffness(bench, x) for x in coarse])
     smooth = np.array([small_load_stiffness(bench, x) for x in fine])
     np.testing.assert_allclose(rough, smooth[::10], rtol=1e-6)
@@ -213,7 +190,7 @@ def elastica(load, fulcrum, bending):
 
 
 @pytest.mark.parametrize(("fulcrum", "known"), [
-    (0.066, 11.1), (0.087, 13.9), (0.108, 17.9), (0.129, 23.8), (0.151, 32.2)])
+    (0.066, 11.1), (0.108, 17.9), (0.151, 32.2)])
 def test_large_deflection_follows_the_elastica(fulcrum, known):
     """Mean slope between 200 and 600 N, where the deflection reaches 56 mm and the load's lever shortens."""
     modulus = FITTED_BENDING / SECTION
@@ -233,16 +210,16 @@ LOADS = np.array([200.0, 600.0])
 MODULUS, SUPPORT = FOOT.keel.flexural_modulus_pa, FOOT.fulcrum.stiffness_n_per_m
 
 
-def rise_of(fulcrum, modulus=MODULUS, support=SUPPORT, *, loads=LOADS, foot=FOOT):
+def rise_of(fulcrum, modulus=MODULUS, support=SUPPORT):
     """(n,) m, rise of the load point, and (n, 2) its derivatives by modulus and support."""
-    foot = replace(foot, keel=replace(foot.keel, flexural_modulus_pa=modulus),
-                   fulcrum=replace(foot.fulcrum, stiffness_n_per_m=support))
-    shapes = [keel_shape(foot, fulcrum_m=fulcrum, load_n=load) for load in loads]
+    foot = replace(FOOT, keel=replace(FOOT.keel, flexural_modulus_pa=modulus),
+                   fulcrum=replace(FOOT.fulcrum, stiffness_n_per_m=support))
+    shapes = [keel_shape(foot, fulcrum_m=fulcrum, load_n=load) for load in LOADS]
     return np.array([shape.load_point_K[1] for shape in shapes]), np.array([shape.rise_by for shape in shapes])
 
 
 @pytest.mark.parametrize(("fulcrum", "modulus", "support"), [
-    (0.066, 1.0, 1.0), (0.108, 1.0, 1.0), (0.151, 0.5, 2.0), (0.108, 2.0, 0.3), (0.066, 1.0, 0.25), (0.066, 1.0, 0.17)])
+    (0.108, 1.0, 1.0), (0.151, 0.5, 2.0), (0.066, 1.0, 0.17)])
 def test_derivatives_are_those_of_the_rise(fulcrum, modulus, support):
     """Also where the keel all but folds up: the pin turns by nearly a radian, and rest takes many more steps."""
     at = np.array([modulus * MODULUS, support * SUPPORT])
@@ -253,16 +230,11 @@ def test_derivatives_are_those_of_the_rise(fulcrum, modulus, support):
 
 
 def test_large_load_meets_the_bench_advanced_to_rest():
-    loads = np.array([200.0, 600.0])
-    for fulcrum_m in (0.066, 0.151):
-        own = [keel_shape(FOOT, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads]
-        np.testing.assert_allclose(own, keel_at_rest.rises(FOOT, loads, fulcrum_m), rtol=1e-7)
+    for fulcrum in (0.066, 0.151):
+        np.testing.assert_allclose(rise_of(fulcrum)[0], keel_at_rest.rises(FOOT, LOADS, fulcrum), rtol=1e-7)
 
 
-@pytest.mark.parametrize(("place", "said"), [
-    ({"fulcrum_m": 0.2, "load_n": 1.0}, "out of the carriage's reach"),
-    ({"fulcrum_m": 0.1, "load_n": np.nan}, "no load"),
-    ({"fulcrum_m": np.nan, "load_n": 1.0}, "out of the carriage's reach")])
-def test_what_has_no_shape_is_refused(place, said):
-    with pytest.raises(InputError, match=said):
-        keel_shape(FOOT, **place)
+def test_what_has_no_shape_is_refused():
+    for fulcrum, load, said in ((0.2, 1.0, "out of the carriage's reach"), (0.1, np.nan, "no load")):
+        with pytest.raises(InputError, match=said):
+            keel_shape(FOOT, fulcrum_m=fulcrum, load_n=load)

@@ -11,12 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from vsf_drake.analysis.bench_metrics import bench_table, displacement, mid_range_displacement, stiffness
-from vsf_drake.contact_file import model_with
+from vsf_drake.analysis.bench_metrics import displacement, mid_range_displacement, stiffness
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.model_file import spheres_under_load
-from vsf_drake.parameters import FootParameters, ModelParameters
-from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
+from vsf_drake.parameters import FootParameters
+from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
 FOOT = FootParameters()
@@ -88,7 +87,7 @@ FOAM = {"n": st.floats(1.0, 2.0), "factor": st.floats(0.1, 10.0)}
 """Of a zone: exponent, stiffness over the nominal one."""
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(forefoot=st.fixed_dictionaries(FOAM), midfoot=st.fixed_dictionaries(FOAM), heel=st.fixed_dictionaries(FOAM),
        heel_posterior=st.fixed_dictionaries(FOAM), rise=st.floats(-0.01, 0.01))
 def test_any_foam_has_a_stiffness_that_rises_with_the_fulcrum_and_the_keels(rise, **foams):
@@ -141,24 +140,6 @@ def cut(setting, load):
     return np.concatenate(([0.0], x[x < end], [end])), np.concatenate(([0.0], setting.load_n[x < end], [load]))
 
 
-def test_a_fitted_foot_of_two_heels_and_two_forefeet_is_pressed_as_the_bench_presses_it():
-    """The table's half load is half of where its pass ended, just beyond 600 N: that is the load given here."""
-    forefoot = FOOT.zones[-1]
-    front = replace(forefoot, name="toes", **{key: getattr(forefoot, key)[6:] for key in ("x_mm", "y_mm", "rise_mm")})
-    back = replace(forefoot, **{key: getattr(forefoot, key)[:6] for key in ("x_mm", "y_mm", "rise_mm")})
-    values = {"contact.forefoot.stiffness": 2e5, "contact.forefoot.exponent": 1.5, "contact.toes.stiffness": 2e5,
-              "contact.toes.exponent": 1.5, "contact.toes.rise": 1e-3, "contact.heel.rise": -2e-3,
-              "contact.heel_posterior.rise": 3e-3}
-    foot = replace(FOOT, zones=(*FOOT.zones[:-1], back, front))
-    result = run_bench(model_with(replace(ModelParameters(), foot=foot), values), fulcrums_m=(0.066, 0.129))
-    for row, index in zip(bench_table(result).settings, (0, 1), strict=True):
-        found = BenchStiffness(foot, fulcrums_m=(0.066, 0.129), heel=False,
-                               max_load_n=row.max_load_n).displacement(values)[0]
-        assert 1e3 * found[index] == pytest.approx(row.mid_range_displacement_mm, rel=3e-3)
-    heel = BenchStiffness(foot, fulcrums_m=(), heel=True).displacement(values)[0]
-    assert heel[0] == pytest.approx(mid_range_displacement(*cut(result.heel, 600.0)), rel=3e-3)
-
-
 def test_travel_counts_from_the_sphere_that_is_touched_first():
     """Linear foams: two spheres of the posterior heel hang 2 mm lower and alone bear the first part of the load."""
     values = {"contact.heel_posterior.rise": -2e-3, "contact.heel_posterior.stiffness": 4e4,
@@ -174,7 +155,7 @@ def test_travel_counts_from_the_sphere_that_is_touched_first():
 
 
 @pytest.mark.parametrize(("exponent", "speed", "tolerances"), [
-    (1.0, 1.0, (5e-5, 3e-3)), (1.0, 0.02, (5e-5, 1e-4)), (1.6, 1.0, (1e-3, 3e-3)), (1.6, 0.02, (5e-5, 1e-4))])
+    (1.0, 1.0, (5e-5, 3e-3)), (1.6, 0.02, (5e-5, 1e-4))])
 def test_stiffness_and_displacement_equal_the_simulated_benchs(exponent, speed, tolerances):
     """Whose foam is one ball with the law of the patch's eight spheres.
 

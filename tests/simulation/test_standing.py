@@ -19,41 +19,26 @@ from vsf_drake.simulation.walk import Walker
 
 MALE = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 SUBJECTS = {
-    "male": MALE, "heavy": replace(MALE, mass_kg=100.0),
-    "female": replace(MALE, sex="female", mass_kg=60.0, stature_m=1.65, prosthetic_side="left"),
-    "short prosthesis": replace(MALE, prosthesis_length_m=0.518),
-    "long prosthesis": replace(MALE, prosthesis_length_m=0.538),
+    "male": MALE, "female": replace(MALE, sex="female", mass_kg=60.0, stature_m=1.65, prosthetic_side="left"),
     "foot set back": replace(MALE, prosthesis_fore_aft_m=-0.04),
     "all different": replace(
-        MALE, prosthetic_thigh_length_m=0.43, prosthesis_length_m=0.53, prosthesis_alignment_rad=0.02,
+        MALE, mass_kg=100.0, prosthetic_thigh_length_m=0.43, prosthesis_length_m=0.53, prosthesis_alignment_rad=0.02,
         prosthesis_inversion_rad=0.02, prosthesis_toe_out_rad=0.12, prosthesis_lateral_m=0.01)}
 
 
-@pytest.fixture(scope="module", params=SUBJECTS)
-def standing(request):
-    return simulate_standing(SUBJECTS[request.param], load_model(resource("models/nominal.yaml")))
-
-
-def test_ten_seconds_carry_the_weight_within_one_percent_and_the_pelvis_stays_within_a_millimetre(standing):
-    """The aims; McGeehan 2021 reports 2.6 % too little."""
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_ten_seconds_carry_the_weight_within_one_percent_and_the_pelvis_stays_within_a_millimetre(subject):
+    """The aims; McGeehan 2021 reports 2.6 % too little. What is free comes back after the nudge: the last seconds move
+    no more than the first. What is not free is held, and said."""
+    standing = simulate_standing(SUBJECTS[subject], load_model(resource("models/nominal.yaml")))
     table = standing_table(standing)
     assert standing.time_s[-1] == pytest.approx(10.0)
-    assert abs(table.weight_error) < 0.01
-    assert table.drift_mm < 1.0
-    assert standing.unconverged_steps == 0
-
-
-def test_what_is_not_free_is_held_and_said(standing):
-    assert set(standing.free) | set(standing.held_nm) == set(PELVIS_COORDINATES)
-    assert set(TRANSLATIONS) <= set(standing.free)
-    assert not set(standing.free) & set(standing.held_nm)
-    assert bool(standing.held_nm) == any("Holding" in note for note in standing.notes)
-
-
-def test_sway_after_the_nudge_never_grows(standing):
-    """What is free comes back: the last seconds move no more than the first."""
+    assert abs(table.weight_error) < 0.01 and table.drift_mm < 1.0 and standing.unconverged_steps == 0
     first, last = standing.pelvis[1:3000], standing.pelvis[-3000:]
     assert np.all(np.ptp(last, axis=0) <= np.ptp(first, axis=0) + 1e-9)
+    assert sorted([*standing.free, *standing.held_nm]) == sorted(PELVIS_COORDINATES)
+    assert set(TRANSLATIONS) <= set(standing.free)
+    assert bool(standing.held_nm) == any("Holding" in note for note in standing.notes)
 
 
 def test_foot_set_back_under_the_body_frees_the_whole_pelvis():
@@ -63,7 +48,7 @@ def test_foot_set_back_under_the_body_frees_the_whole_pelvis():
     assert freed.stiffness_nm_per_rad > 0.0
 
 
-@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), 1e6])
+@pytest.mark.parametrize("duration", [0.0, float("nan"), 1e6])
 def test_a_time_that_is_no_time_to_stand_is_refused(duration):
     with pytest.raises(InputError, match="no time to stand"):
         simulate_standing(MALE, ModelParameters(), duration_s=duration)
@@ -126,14 +111,10 @@ def test_nobody_of_this_build_balances_fore_and_aft_at_neutral_angles(neutral):
 
 
 def test_leaning_at_the_ankles_balances(balanced):
+    """Contact, springs and weight are conservative at rest: the matrix is symmetric, to differencing."""
     posture, found = balanced
     assert found.stable
     np.testing.assert_allclose(posture.hold(found.tilt, found.list).moments_nm, 0.0, atol=1e-3)
-
-
-def test_stiffness_about_a_balance_is_that_of_a_potential(balanced):
-    """Contact, springs and weight are conservative at rest: the matrix is symmetric, to differencing."""
-    _, found = balanced
     assert found.stiffness[0, 1] == pytest.approx(found.stiffness[1, 0], rel=1e-3)
 
 
@@ -176,7 +157,7 @@ def upright_walker():
     return Walker(MALE, ModelParameters())
 
 
-@pytest.mark.parametrize("fulcrum_m", [0.066, 0.108, 0.151])
+@pytest.mark.parametrize("fulcrum_m", [0.066, 0.151])
 def test_the_load_on_a_lowered_person_settles_the_prosthesis_by_as_much(upright_walker, fulcrum_m):
     """By the stepper, whose rotations are large and whose socket tilts; 5 % for what linear statics omit."""
     body, names = upright_walker.gait.person.body, upright_walker.gait.prescribed
