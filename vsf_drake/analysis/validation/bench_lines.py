@@ -36,8 +36,6 @@ MOST_LOAD_N = 5000.0
 GRID = 201
 """Loads, evenly from 0, at which a setting's curves are compared."""
 LEVEL = 0.95
-WINDOW_N = 20.0
-"""To both sides of a load, over which the slope there is taken."""
 CURVES = ".csv"
 MEASURED = "measured"
 """Of the lines of a setting the one that a machine recorded; the others are models."""
@@ -181,7 +179,7 @@ def statistics(rows: Sequence[SettingRow], line: str) -> Statistics | None:
 
 def curve_arrays(settings: Sequence[SettingLines], by_line: dict[str, list[Curve | None]]) -> dict[str, np.ndarray]:
     """Curves on shared loads, (settings, 201): `load_n`, `measured_mm` with `measured_half_width_mm` (95 %), and for
-    each line `<key>_mm`; the slopes dF/dx likewise as `measured_tangent_n_per_mm`, `<key>_tangent_n_per_mm`."""
+    each line `<key>_mm`."""
     loads = np.array([np.linspace(0.0, setting.load_n, GRID) for setting in settings])
     arrays = {"load_n": loads, "measured_half_width_mm": np.full(loads.shape, np.nan)}
     for i, setting in enumerate(settings):
@@ -189,11 +187,8 @@ def curve_arrays(settings: Sequence[SettingLines], by_line: dict[str, list[Curve
             arrays["measured_half_width_mm"][i] = mean_and_half_width(
                 np.array([at_loads(*one, loads[i]) for one in setting.passes]))[1]
     for key, curves in ({MEASURED: [setting.curve for setting in settings]} | by_line).items():
-        arrays[f"{key}_mm"], arrays[f"{key}_tangent_n_per_mm"] = np.full((2, *loads.shape), np.nan)
-        for i, curve in enumerate(curves):
-            if curve is not None:
-                arrays[f"{key}_mm"][i] = at_loads(*curve, loads[i])
-                arrays[f"{key}_tangent_n_per_mm"][i] = tangent(*curve, loads[i])
+        arrays[f"{key}_mm"] = np.array([np.full(GRID, np.nan) if curve is None else at_loads(*curve, loads[i])
+                                        for i, curve in enumerate(curves)])
     return arrays
 
 
@@ -234,14 +229,6 @@ class Machine:
 
     def _carriage_m(self, fulcrum_m: float | None) -> float:
         return self.foot.fulcrum.rearmost_m if fulcrum_m is None else fulcrum_m
-
-
-def tangent(x: np.ndarray, load: np.ndarray, loads: np.ndarray) -> np.ndarray:
-    """Slope dF/dx at `loads` (N), from 20 N less to 20 N more of each; NaN where the curve lacks them."""
-    low, high = loads - WINDOW_N, loads + WINDOW_N
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (high - low) / (at_loads(x, load, high) - at_loads(x, load, low))
-    return np.where((low >= 0.0) & (high <= load[-1]), slope, np.nan)
 
 
 def rising(x: np.ndarray, load: np.ndarray) -> Curve:

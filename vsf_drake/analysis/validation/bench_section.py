@@ -18,10 +18,10 @@ from scipy.optimize import least_squares
 from vsf_drake.analysis.bench_metrics import at_loads, closed_form_stiffness, mean_slope, published_stiffness
 from vsf_drake.analysis.validation import bench_lines as lines
 from vsf_drake.analysis.validation.bench_lines import Curve, Machine, SettingLines, SettingRow, Statistics, in_mm
-from vsf_drake.analysis.validation.study import Progress, Section, Study
+from vsf_drake.analysis.validation.study import Progress, Section, Study, reached
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.files import resource
-from vsf_drake.model_file import check_fulcrum, load_model, secant_stiffness
+from vsf_drake.model_file import load_model, secant_stiffness
 from vsf_drake.parameters import GRAVITY, FootParameters, ModelParameters
 from vsf_drake.plants.foot import with_elements
 from vsf_drake.schema import to_plain
@@ -90,7 +90,6 @@ class BenchSectionTable:
     lines: tuple[PressedModel, ...]  # the study's model first
     settings: tuple[SettingRow, ...]  # softest first, the heel last
     rates: tuple[LoopRow, ...]
-    rate_settings_mm: tuple[float | None, ...]
     load_points: tuple[LoadPoint, ...]
     unconverged_steps: int
 
@@ -98,7 +97,7 @@ class BenchSectionTable:
 def bench_section(study: Study, *, progress: Progress | None = None) -> Section[BenchSectionTable]:
     """Presses the study's foot, the nominal one, the study's with a finer keel and one calibrated to two of the curves.
 
-    Arrays: see `curve_arrays`, `rates`, and of the regression `regression_measured_n_per_mm`, `_line`, `_low`, `_high`.
+    Arrays: see `curve_arrays`, and of the regression `regression_measured_n_per_mm`, `_line`, `_low`, `_high`.
     """
 
     def show(what: str, fraction: float) -> None:
@@ -110,13 +109,9 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
     missing = say("bench", "inputs", given=bench, weak=[s for s in settings if s.passes and not s.judged],
                   forefoot=any(s.passes for s in settings[:-1]), heel=settings[-1].passes,
                   repeated=any(len(s.passes) > 1 for s in settings))
-    outside = set()
-    for position in (setting.fulcrum_m for setting in settings if setting.fulcrum_m is not None):
-        try:
-            check_fulcrum(position, foot)
-        except InputError as error:
-            outside.add(position)
-            missing.append(f"Not simulated: {error.what}. {error.right}.")
+    fulcrums = reached(foot, [setting.fulcrum_m for setting in settings if setting.fulcrum_m is not None])
+    missing += say("roll_over", "unreached", positions_m=[
+        x for setting in settings if (x := setting.fulcrum_m) is not None and x not in fulcrums])
     show("calibration", 0.1)
     feet, uncalibrated = _feet(study, settings)
     missing += uncalibrated
@@ -124,7 +119,7 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
     unconverged = 0
     for i, (line, own_foot) in enumerate(feet):
         show("pressing", 0.2 + 0.07 * i)
-        curves[line.key], steps, failures = _press(line, own_foot, settings, outside)
+        curves[line.key], steps, failures = _press(line, own_foot, settings, fulcrums)
         unconverged += steps
         missing += failures
     rows = tuple(SettingRow(
@@ -147,24 +142,23 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
     elif any(setting.judged for setting in settings[:-1]):
         missing += say("bench", "no_trend")
     show("speeds", 0.5)
-    fulcrums = [x for setting in settings if (x := setting.fulcrum_m) is not None and x not in outside]
     if quick and len(fulcrums) > QUICK_FULCRUMS:
         fulcrums = [fulcrums[0], fulcrums[len(fulcrums) // 2], fulcrums[-1]]
-    loops, loop_arrays, failed_loops = rates(
+    loops, failed_loops = rates(
         Machine(foot), (*fulcrums, None), QUICK_SPEEDS_MM_PER_MIN if quick else SPEEDS_MM_PER_MIN,
         progress=lambda f: show("speeds", 0.5 + 0.4 * f))
     points, failed_points = load_points(study.model, fulcrums, lambda f: show("load points", 0.9 + 0.1 * f))
-    reached = {name: None if own is None else getattr(own, name) for name in PAPER}
+    found = {name: None if own is None else getattr(own, name) for name in PAPER}
     table = BenchSectionTable(
-        **reached, limits=PAPER, within_limits={
-            name: None if (value := reached[name]) is None else
+        **found, limits=PAPER, within_limits={
+            name: None if (value := found[name]) is None else
             bool(value >= limit if name == "stiffness_r2" else value <= limit) for name, limit in PAPER.items()},
         measured_name=bench.name if bench else None, measured_synthetic=bench.synthetic if bench else None,
         touch_down_extrapolated=sum(curve.first_load_n > 0.0 for curve in bench.curves) if bench else 0,
         contact_on_bench=tuple(text for text in study.contact.verdict if "bench" in text) if study.contact else None,
-        lines=models, settings=rows, rates=tuple(loops), rate_settings_mm=(*map(in_mm, fulcrums), None),
-        load_points=tuple(points), unconverged_steps=unconverged + sum(row.unconverged_steps for row in loops))
-    return Section(table=table, arrays=arrays | loop_arrays, missing=(*missing, *failed_loops, *failed_points))
+        lines=models, settings=rows, rates=tuple(loops), load_points=tuple(points),
+        unconverged_steps=unconverged + sum(row.unconverged_steps for row in loops))
+    return Section(table=table, arrays=arrays, missing=(*missing, *failed_loops, *failed_points))
 
 
 def _feet(
@@ -178,9 +172,8 @@ def _feet(
     if nominal != foot:
         feet.append((PressedModel(key="nominal", name="nominal"), nominal))
     feet.append((PressedModel(key="refined", name=f"{own}, {elements} elements"), with_elements(foot, elements)))
-    low, high = foot.fulcrum.rearmost_m, foot.fulcrum.foremost_m
-    curves = {s.fulcrum_m: s.curve for s in settings
-              if s.fulcrum_m is not None and s.judged and s.curve is not None and low <= s.fulcrum_m <= high}
+    curves = {s.fulcrum_m: s.curve for s in settings if s.judged and s.fulcrum_m is not None and s.curve is not None
+              and reached(foot, [s.fulcrum_m])}
     if len(curves) < 3:
         return feet, say("bench", "uncalibrated", error=None) if curves else []
     try:
@@ -194,14 +187,14 @@ def _feet(
 
 
 def _press(
-    line: PressedModel, foot: FootParameters, settings: Sequence[SettingLines], outside: Container[float | None]
+    line: PressedModel, foot: FootParameters, settings: Sequence[SettingLines], fulcrums_m: Container[float]
 ) -> tuple[list[Curve | None], int, list[str]]:
     """The foot's curves by setting, its unconverged steps, and what could not be done."""
     machine, curves, unconverged, missing = Machine(foot), list[Curve | None](), 0, []
     for setting in settings:
         curve = None
         # finer keel and calibration are the forefoot's: at the heel those feet are the study's
-        if setting.fulcrum_m not in outside and (setting.fulcrum_m is not None or line.key in ("model", "nominal")):
+        if line.key in ("model", "nominal") if (fulcrum := setting.fulcrum_m) is None else fulcrum in fulcrums_m:
             try:
                 x, load, steps = machine.press(setting.fulcrum_m, max(setting.load_n, lines.LEAST_LOAD_N))
                 curve = lines.up_to(*lines.rising(x, load), setting.load_n)
@@ -265,26 +258,22 @@ def calibrated(
 SPEEDS_MM_PER_MIN = (5.0, 50.0, 500.0, 5000.0)
 LOAD_POINT_SHIFTS_M = (-0.020, -0.010, 0.0, 0.010)
 """Of the load point from the model's own: 179, 189, 199 and 209 mm from A for the published foot."""
-LOOP_SAMPLES = 101
-"""Of each half of a loop, evenly in displacement."""
 
 
 def rates(
     machine: Machine, fulcrums_m: Sequence[float | None], speeds_mm_per_min: Sequence[float],
     *, progress: Callable[[float], None] | None = None
-) -> tuple[list[LoopRow], dict[str, np.ndarray], list[str]]:
+) -> tuple[list[LoopRow], list[str]]:
     """Loading to 600 N and unloading at the same speed, at every position and speed.
 
     What is lost is the small difference of two large energies, and the steps leave an error in it in proportion to
     their size. So every loop is followed twice, with steps twice as long too, and the loss is extrapolated to none.
-    Returned are one row each; the loops at the highest speed, `loop_mm` and `loop_n` (settings, 2, 101) with loading
-    first; what could not be done.
+    Returned are one row each, and what could not be done.
     """
     rows: list[LoopRow] = []
     missing: list[str] = []
-    cases = [*itertools.product(enumerate(fulcrums_m), speeds_mm_per_min)]
-    loops = {name: np.full((len(fulcrums_m), 2, LOOP_SAMPLES), np.nan) for name in ("loop_mm", "loop_n")}
-    for j, ((i, fulcrum), speed) in enumerate(cases, start=1):
+    cases = [*itertools.product(fulcrums_m, speeds_mm_per_min)]
+    for i, (fulcrum, speed) in enumerate(cases, start=1):
         try:
             (x, load, unconverged), (x_coarse, load_coarse, more) = (
                 machine.loop(fulcrum, 1e-3 * speed / 60.0, steps_per_mm=share * STEPS_PER_MM) for share in (1.0, 0.5))
@@ -300,14 +289,9 @@ def rates(
             return_ratio=1.0 - lost / stored, unconverged_steps=unconverged + more,
             # at high speed the keel rings at first touch
             stiffness_n_per_mm=mean_slope(*lines.rising(x[:steps], load[:steps]))))
-        if speed == max(speeds_mm_per_min):
-            up = np.linspace(0.0, x[steps - 1], LOOP_SAMPLES)
-            loops["loop_mm"][i] = up, up[::-1]
-            loops["loop_n"][i] = (np.interp(up, x[:steps], load[:steps]),
-                                  np.interp(up, x[: steps - 2 : -1], load[: steps - 2 : -1])[::-1])
         if progress:
-            progress(j / len(cases))
-    return rows, loops, missing
+            progress(i / len(cases))
+    return rows, missing
 
 
 def load_points(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,13 +25,11 @@ from vsf_drake.report.style import (
 
 if TYPE_CHECKING:
     from vsf_drake.analysis.validation.bench_lines import SettingRow
-    from vsf_drake.analysis.validation.bench_section import BenchSectionTable, LoadPoint
+    from vsf_drake.analysis.validation.bench_section import BenchSectionTable
 
 _MARKERS = {"model": "o", "nominal": "s", "refined": "D", "calibrated": "^"}
 _NOMINAL: dict[str, Any] = {"linestyle": (0, (1, 2)), "linewidth": 1.2}
 _SLOPE_ABOVE_N = 200.0
-_DOTTED: dict[str, Any] = {"linestyle": (0, (1, 1.2)), "linewidth": 1.3}
-_OVER = {"frameon": True, "facecolor": "white", "edgecolor": "none", "framealpha": 1.0}
 
 
 def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
@@ -40,13 +38,12 @@ def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
     rates = sorted((row for row in table.rates if row.fulcrum_mm is not None), key=lambda row: row.fulcrum_mm or 0.0)
     speeds = {row.speed_mm_per_min for row in rates}
     ends = {speed: [row for row in rates if row.speed_mm_per_min == speed] for speed in sorted(speeds, reverse=True)}
-    offsets = [(abs(offset), row) for row in forefoot
-               if (offset := _value(row.lines["model"], "mid_range_offset_mm")) is not None]
+    offsets = np.abs(_of_line(forefoot, "model", "mid_range_offset_mm"))
     facts = {
         "line_of": {line.key: line for line in table.lines},
         "pressed": [row for row in forefoot if row.lines["model"]],
         "heel": next((row for row in table.settings if row.fulcrum_mm is None), None),
-        "worst": max(offsets, key=lambda pair: pair[0], default=(0.0, None))[1],
+        "worst": forefoot[int(np.nanargmax(offsets))] if np.isfinite(offsets).any() else None,
         "comparison_rows": [*({"of": line.name + more, **vars(own)} for line in table.lines for more, own in (
             ("", line.statistics), (": the settings it did not see", line.held_out)) if own),
             {"of": "paper, its model on its bench", "n": 5, **table.limits}],
@@ -64,12 +61,7 @@ def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
                        if (own := [row for row in points if row.fulcrum_mm == x])],
         "beam_off": max((abs(row.closed_form_n_per_mm / row.stiffness_n_per_mm - 1.0) for row in points),
                         default=None)}
-    figures = {"bench_curves": _curves_figure(table, arrays), "bench_agreement": bench_agreement_figure(table, arrays),
-               "bench_shape": _shape_figure(table, arrays)}
-    if table.rates:
-        figures["bench_energy"] = _energy_figure(table, arrays)
-    if points:
-        figures["bench_load_point"] = _load_point_figure(points)
+    figures = {"bench_curves": _curves_figure(table, arrays), "bench_agreement": bench_agreement_figure(table, arrays)}
     return Chapter(name="bench", title="Bench", template="validation/bench.html.j2", facts={**vars(table), **facts},
                    figures=figures)
 
@@ -116,7 +108,7 @@ def bench_agreement_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
 
 def _stiffness(axes: Axes, table: BenchSectionTable) -> None:
     rows = _forefoot(table)
-    x, model = _numbers(rows, "fulcrum_mm"), _of_line(rows, "model", "stiffness_n_per_mm")
+    x, model = [row.fulcrum_mm or 0.0 for row in rows], _of_line(rows, "model", "stiffness_n_per_mm")
     measured, half = (_of_line(rows, "measured", f"stiffness_n_per_mm{more}") for more in ("", "_half_width"))
     if np.isfinite(measured).any():
         axes.plot(x, measured, color=NEUTRAL, label=_source(table), **MEASURED)
@@ -165,7 +157,7 @@ def _curves_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
         left.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
         if any(line.key == "nominal" for line in table.lines):
             left.plot([], [], color=NEUTRAL, label="simulated: nominal", **_NOMINAL)
-        left.legend(loc="lower right", **_OVER)
+        left.legend(loc="lower right", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
         for axes, title in ((left, "Forefoot, by position of the fulcrum"), (right, "Heel")):
             axes.axhline(_SLOPE_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
             axes.set_xlim(left=0.0)
@@ -193,90 +185,14 @@ def _setting(axes: Axes, i: int, row: SettingRow, table: BenchSectionTable, arra
         _tag(axes, row.fulcrum_mm, (ends[0], load[-1]), xytext=(0, 5), ha="center")
 
 
-def _energy_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
-    """Loading and unloading at the highest speed: the area between is lost."""
-    with drawing(7.2, 4.2) as figure:
-        axes = figure.subplots()
-        for fulcrum, x, load in zip(table.rate_settings_mm, arrays["loop_mm"], arrays["loop_n"], strict=True):
-            colour = colour_of(fulcrum)
-            axes.fill(np.concatenate(x), np.concatenate(load), color=colour, alpha=0.18, linewidth=0)
-            axes.plot(x[0], load[0], color=colour, **SIMULATED)
-            axes.plot(x[1], load[1], color=colour, **_DOTTED)
-            if np.isfinite(x[0, -1]):
-                _tag(axes, fulcrum, (x[0, -1], load[0, -1]), xytext=(0, 5), ha="center")
-        axes.plot([], [], color=NEUTRAL, label="loading", **SIMULATED)
-        axes.plot([], [], color=NEUTRAL, label="unloading (area between: lost)", **_DOTTED)
-        axes.set_xlim(left=0.0)
-        axes.margins(y=0.12)
-        axes.set_ylim(bottom=0.0)
-        axes.legend(loc="lower right", **_OVER)
-        label(axes, x="displacement of the platen (mm)", y="load (N)",
-              title=f"There and back at {max(row.speed_mm_per_min for row in table.rates):g} mm/min")
-    return figure
-
-
-def _load_point_figure(points: Sequence[LoadPoint]) -> Figure:
-    """Stiffness with the load elsewhere on the keel, beside the closed form: one line a fulcrum position."""
-    with drawing(7.2, 4.2) as figure:
-        axes = figure.subplots()
-        for i, fulcrum in enumerate(sorted({row.fulcrum_mm for row in points})):
-            rows = [row for row in points if row.fulcrum_mm == fulcrum]
-            x, stiffness = _numbers(rows, "load_point_mm"), _numbers(rows, "stiffness_n_per_mm")
-            axes.plot(x, stiffness, color=colour_of(fulcrum), marker=MARKERS[i % len(MARKERS)], markersize=5,
-                      **SIMULATED)
-            axes.plot(x, _numbers(rows, "closed_form_n_per_mm"), color=colour_of(fulcrum), **_DOTTED)
-            _tag(axes, fulcrum, (x[-1], stiffness[-1]), xytext=(7, 0), va="center")
-        axes.plot([], [], color=NEUTRAL, marker="o", markersize=5, label="simulated", **SIMULATED)
-        axes.plot([], [], color=NEUTRAL, **_DOTTED, label="overhung beam, small deflections")
-        axes.set_xticks(sorted({row.load_point_mm for row in points}))
-        axes.set_ylim(bottom=0.0)
-        axes.margins(x=0.1)
-        axes.legend(loc="upper right")
-        label(axes, x="load from the keel's posterior end (mm)", y="stiffness above 200 N (N/mm)",
-              title="Stiffness by where the foot is loaded, and by position of the fulcrum")
-    return figure
-
-
-def _shape_figure(table: BenchSectionTable, arrays: Arrays) -> Figure:
-    """The linear and the curvilinear part of the curves: slope dF/dx over load."""
-    with drawing(7.2, 4.4) as figure:
-        axes = figure.subplots()
-        for i, row in enumerate(_forefoot(table)):
-            load, ends = arrays["load_n"][i], []
-            for key, look in (("measured", MEASURED), ("model", SIMULATED)):
-                slope = arrays[f"{key}_tangent_n_per_mm"][i]
-                axes.plot(load, slope, color=colour_of(row.fulcrum_mm), **look)
-                ends += [*slope[np.isfinite(slope)][-1:]]
-            if ends:
-                _tag(axes, row.fulcrum_mm, (load[-1], ends[-1]), xytext=(3, 0), va="center")
-        axes.axvline(_SLOPE_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
-        if table.measured_name:
-            axes.plot([], [], color=NEUTRAL, label=_source(table), **MEASURED)
-        axes.plot([], [], color=NEUTRAL, label=_simulated(table), **SIMULATED)
-        axes.set_ylim(0.0, 1.2 * axes.get_ylim()[1])
-        axes.legend(loc="upper left")
-        label(axes, x="load (N)", y="slope dF/dx (N/mm)", title="Slope over load (dotted: 200 N)")
-    return figure
-
-
 def _position(fulcrum_mm: float | None) -> str:
     """A position in a table and beside a curve."""
     return "heel" if fulcrum_mm is None else f"{fulcrum_mm:g} mm"
 
 
-def _value(row: object, key: str) -> Any:
-    """A value of a record; None where either is missing."""
-    return getattr(row, key, None)
-
-
-def _numbers(rows: Iterable[object], key: str) -> np.ndarray:
-    """The same over rows, NaN where it is missing: gaps in a figure."""
-    return np.array([_value(row, key) for row in rows], dtype=float)
-
-
 def _of_line(rows: Iterable[SettingRow], line: str, key: str) -> np.ndarray:
-    """The same of the measured curves, or of a model."""
-    return _numbers((row.lines.get(line) for row in rows), key)
+    """A value of the measured curves, or of a model, by setting; NaN where it is missing: gaps in a figure."""
+    return np.array([getattr(row.lines.get(line), key, None) for row in rows], dtype=float)
 
 
 def _tag(axes: Axes, fulcrum_mm: float | None, at: tuple[float, float], **options: Any) -> None:
