@@ -40,12 +40,10 @@ def test_stiffness_does_not_depend_on_sampling(samples):
     ([0.0, 0.01], [0.0, 150.0], "largest load is 150 N"),
     ([0.0, 0.01, 0.02, 0.03], [0.0, 300.0, 250.0, 400.0], "load falls from 300 to 250 N at 20 mm"),
     ([0.0, 0.02, 0.02, 0.03], [0.0, 100.0, 200.0, 400.0], "does not increase at sample 2"),
-    ([0.0, 0.01, 0.02, 0.03], [0.0, 100.0, np.nan, 400.0], "not finite"),
-])
+    ([0.0, 0.01, 0.02, 0.03], [0.0, 100.0, np.nan, 400.0], "not finite")])
 def test_curve_without_a_mean_slope_is_refused_with_the_reason(x, load, message):
-    with pytest.raises(InputError, match=message) as caught:
+    with pytest.raises(InputError, match=f"bench, heel.*{message}"):
         stiffness(np.array(x), np.array(load), where="bench, heel")
-    assert "bench, heel" in str(caught.value)
 
 
 def test_curve_that_starts_under_load_is_refused():

@@ -39,19 +39,14 @@ def test_ten_seconds_carry_the_weight_within_one_percent_and_the_pelvis_stays_wi
     assert sorted([*standing.free, *standing.held_nm]) == sorted(PELVIS_COORDINATES)
     assert set(TRANSLATIONS) <= set(standing.free)
     assert bool(standing.held_nm) == any("Holding" in note for note in standing.notes)
+    if subject == "foot set back":  # under the body: the whole pelvis is free
+        assert standing.held_nm == {} and standing.stiffness_nm_per_rad > 0.0
 
 
-def test_foot_set_back_under_the_body_frees_the_whole_pelvis():
-    freed = simulate_standing(SUBJECTS["foot set back"], ModelParameters(), duration_s=1.0)
-    assert set(freed.free) == set(PELVIS_COORDINATES)
-    assert freed.held_nm == {}
-    assert freed.stiffness_nm_per_rad > 0.0
-
-
-@pytest.mark.parametrize("duration", [0.0, float("nan"), 1e6])
-def test_a_time_that_is_no_time_to_stand_is_refused(duration):
-    with pytest.raises(InputError, match="no time to stand"):
-        simulate_standing(MALE, ModelParameters(), duration_s=duration)
+def test_a_time_that_is_no_time_to_stand_is_refused():
+    for duration in (0.0, float("nan"), 1e6):
+        with pytest.raises(InputError, match="no time to stand"):
+            simulate_standing(MALE, ModelParameters(), duration_s=duration)
 
 
 MODEL = ModelParameters()

@@ -32,7 +32,7 @@ from vsf_drake.report.style import (
     log_scale,
     name_of,
 )
-from vsf_drake.simulation.results import LARGEST_DRIFT_M, BenchResult, StandingTable, WalkResult
+from vsf_drake.simulation.results import LARGEST_DRIFT_M, NUDGE_M, BenchResult, StandingTable, WalkResult
 
 if TYPE_CHECKING:  # it would bring Drake
     from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
@@ -258,7 +258,7 @@ def _drift(axes: Axes, table: StandingTable) -> None:
              "held by: " + (", ".join(held) or "nothing")]
     axes.text(0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=8, linespacing=1.5)
     label(axes, x="time (s)", y="distance of the pelvis from its start (mm)",
-          title=f"How still: let go {table.let_go_off_rest.raised_mm:g} mm off rest")
+          title=f"How still: let go {1e3 * NUDGE_M:g} mm off rest")
 
 
 def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:

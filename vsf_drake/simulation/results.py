@@ -261,7 +261,6 @@ class Standing:
     held_nm: dict[str, float]  # what it took, at the end, to hold the others (N m by coordinate)
     stiffness_nm_per_rad: float | None
     """Least stiffness, less the weight's, that keeps a free attitude; None if none is free."""
-    com_height_m: float  # above the ground
     leg_lengths_m: tuple[float, float]  # prosthetic, intact, unloaded
     unconverged_steps: int
     notes: tuple[str, ...]  # on what was held and why
@@ -281,14 +280,6 @@ LARGEST_WEIGHT_ERROR = 0.01
 LARGEST_DRIFT_M = 1e-3  # how far the pelvis may move (m) and still be said to stand still (a choice)
 SERIES_RATE_HZ = 50.0  # rate of the series in the table: standing has nothing faster to show (a choice)
 ATTITUDE = ("tilt", "list", "rotation")
-
-
-@dataclass(frozen=True, kw_only=True)
-class OffRest:
-    """By how much the pelvis is let go off rest."""
-
-    raised_mm: float
-    turned_deg: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -320,19 +311,14 @@ class StandingTable:
     weight_n: float
     mean_vertical_n: float
     weight_error: float  # share of the weight by which the mean force misses it
-    mean_prosthetic_n: float
-    mean_intact_n: float
     prosthetic_share: float
     intact_share: float
     drift_mm: float  # largest
     turn_deg: float
-    let_go_off_rest: OffRest
     pelvis_deg: dict[str, float]  # at the end, by ATTITUDE
     free: tuple[str, ...]
     held_nm: dict[str, float]
     stiffness_nm_per_rad: float | None
-    toppling_nm_per_rad: float  # stiffness that an attitude needs lest the weight topple it
-    centre_of_mass_height_mm: float
     leg_length_mm: LegLengths
     unconverged_steps: int
     refined_steps: int
@@ -354,14 +340,10 @@ def standing_table(standing: Standing) -> StandingTable:
     return StandingTable(
         subject=standing.name, prosthetic_side=standing.side, fulcrum_mm=1e3 * standing.fulcrum_m,
         duration_s=float(standing.time_s[-1]), weight_n=standing.weight_n, mean_vertical_n=float(vertical.mean()),
-        weight_error=error, mean_prosthetic_n=float(standing.prosthetic_n.mean()),
-        mean_intact_n=float(standing.intact_n.mean()), prosthetic_share=share, intact_share=1.0 - share,
+        weight_error=error, prosthetic_share=share, intact_share=1.0 - share,
         drift_mm=1e3 * float(drift.max()), turn_deg=float(np.degrees(standing.turn_rad)),
-        let_go_off_rest=OffRest(raised_mm=1e3 * NUDGE_M, turned_deg=float(np.degrees(NUDGE_RAD))),
         pelvis_deg=dict(zip(ATTITUDE, np.degrees(pelvis[-1, 3:]).tolist(), strict=True)),
         free=standing.free, held_nm=standing.held_nm, stiffness_nm_per_rad=standing.stiffness_nm_per_rad,
-        toppling_nm_per_rad=standing.weight_n * standing.com_height_m,
-        centre_of_mass_height_mm=1e3 * standing.com_height_m,
         leg_length_mm=LegLengths(prosthetic=1e3 * standing.leg_lengths_m[0], intact=1e3 * standing.leg_lengths_m[1]),
         unconverged_steps=standing.unconverged_steps, refined_steps=standing.refined_steps, converged=converged,
         stands=converged and abs(error) <= LARGEST_WEIGHT_ERROR and float(drift.max()) <= LARGEST_DRIFT_M,

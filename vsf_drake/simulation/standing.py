@@ -116,14 +116,11 @@ def _result(
         rest_speed=rest_speed if rest_speed > AT_REST else 0.0)
     notes += step_notes(record, stop=".")
     body = posture.walker.gait.person.body
-    plant = walk.mechanism.plant
-    plant.SetPositions(walk.mechanism.context, record.q[-1])
-    com = plant.CalcCenterOfMassPositionInWorld(walk.mechanism.context)[2] - walk.mechanism.ground_height
     return Standing(
         time_s=record.time_s, prosthetic_n=prosthetic, intact_n=intact,
         pelvis=np.vstack([record.q0[columns], record.q[:, columns]]), weight_n=posture.weight_n,
         fulcrum_m=posture.fulcrum_m, side=posture.walker.subject.prosthetic_side, name=posture.walker.subject.name,
-        free=free, held_nm=held, com_height_m=float(com),
+        free=free, held_nm=held,
         stiffness_nm_per_rad=None if balance is None else balance.least_nm_per_rad,
         leg_lengths_m=(body.prosthetic_leg_length, body.leg_length), notes=tuple(notes), **record.counts())
 

@@ -87,11 +87,10 @@ def test_effective_length_runs_from_the_heel_to_the_front_end():
 
 
 def test_mean_arm_weighs_by_force_and_leaves_out_what_is_unknown():
-    """Half of the impulse at 20 mm, half at 60 mm: 40 mm; instants without a centre of pressure do not count."""
+    """A quarter of the impulse at 20 mm, the rest at 60 mm; instants without a centre of pressure do not count."""
     time = np.linspace(0.0, 1.0, 1001)
-    force = np.full(1001, 100.0)
-    arm = np.where(time < 0.5, 0.02, 0.06)
-    assert mean_moment_arm(time, arm * force, force) == pytest.approx(0.04, abs=1e-4)
+    force, arm = np.where(time < 0.5, 100.0, 300.0), np.where(time < 0.5, 0.02, 0.06)
+    assert mean_moment_arm(time, arm * force, force) == pytest.approx(0.05, abs=1e-4)
     moment = np.where(time < 0.5, np.nan, arm * force)
     assert mean_moment_arm(time, moment, force) == pytest.approx(0.06, abs=1e-4)
     assert mean_moment_arm(time, np.full(1001, np.nan), force) is None
@@ -100,23 +99,21 @@ def test_mean_arm_weighs_by_force_and_leaves_out_what_is_unknown():
 PROFILE_S = np.linspace(0.0, DURATION_S, 6001)
 
 
-@pytest.mark.parametrize(("span", "sign", "at_s", "share", "tilt_deg"), [
-    ((0.0, 0.3), 1.0, 0.151, 1.0, -15.0), ((0.3, 0.6), 1.0, 0.4475, 0.987, 19.8), ((0.2, 0.4), -1.0, 0.3, 0.668, -0.1)])
-def test_peaks_and_valley_have_the_published_instants_forces_and_tilts(span, sign, at_s, share, tilt_deg):
-    time = PROFILE_S[(PROFILE_S > span[0]) & (PROFILE_S < span[1])]
-    at = time[np.argmax(sign * force_share(time))]
-    assert at == pytest.approx(at_s, abs=2e-3 if sign < 0 else 1e-3)
-    assert force_share(np.array([at]))[0] == pytest.approx(share, abs=1e-3)
-    # the valley is flat: its tilt is that at the published instant
-    tilt = np.degrees(tilt_rad(np.array([at_s if sign < 0 else at])))[0]
-    assert tilt == pytest.approx(tilt_deg, abs=0.15 if sign < 0 else 0.1)
-
-
-def test_force_starts_and_ends_at_nothing_and_tilt_runs_from_minus_20_to_plus_40_degrees():
-    np.testing.assert_allclose(force_share(np.array([0.0, DURATION_S])), 0.0, atol=1e-3)
-    assert force_share(PROFILE_S).min() == 0.0
-    np.testing.assert_allclose(np.degrees(tilt_rad(np.array([0.0, DURATION_S]))), [-20.04, 40.1], atol=0.1)
-    assert np.all(np.diff(tilt_rad(PROFILE_S)) > 0.0)
+def test_peaks_and_valley_have_the_published_instants_forces_and_tilts():
+    """Between nothing at both ends; the tilt runs from -20 to +40 degrees."""
+    for low, high, sign, at_s, share, tilt_deg in (
+            (0.0, 0.3, 1, 0.151, 1.0, -15.0), (0.3, 0.6, 1, 0.4475, 0.987, 19.8), (0.2, 0.4, -1, 0.3, 0.668, -0.1)):
+        time = PROFILE_S[(PROFILE_S > low) & (PROFILE_S < high)]
+        at = time[np.argmax(sign * force_share(time))]
+        assert at == pytest.approx(at_s, abs=2e-3 if sign < 0 else 1e-3)
+        assert force_share(np.array([at]))[0] == pytest.approx(share, abs=1e-3)
+        # the valley is flat: its tilt is that at the published instant
+        tilt = np.degrees(tilt_rad(np.array([at_s if sign < 0 else at])))[0]
+        assert tilt == pytest.approx(tilt_deg, abs=0.15 if sign < 0 else 0.1)
+    ends = np.array([0.0, DURATION_S])
+    np.testing.assert_allclose(force_share(ends), 0.0, atol=1e-3)
+    np.testing.assert_allclose(np.degrees(tilt_rad(ends)), [-20.04, 40.1], atol=0.1)
+    assert force_share(PROFILE_S).min() == 0.0 and np.all(np.diff(tilt_rad(PROFILE_S)) > 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -237,8 +234,7 @@ def test_without_a_centre_of_pressure_only_the_model_has_a_shape(walk):
 def test_a_walk_without_a_whole_stance_has_no_shape(walk):
     cut = replace(walk.comparison, stances=tuple(replace(item, inside=False) for item in walk.comparison.stances))
     shapes, missing = walked_shapes(replace(walk, comparison=cut))
-    assert not shapes
-    assert walk.label in missing[0]
+    assert not shapes and walk.label in missing[0]
 
 
 def test_load_runs_under_the_foot_from_heel_to_toe(walk):

@@ -17,13 +17,7 @@ from scipy.stats import t as student
 from vsf_drake.analysis.bench_metrics import LOAD_N, at_loads, mean_slope
 from vsf_drake.analysis.comparison import r_squared, rmse
 from vsf_drake.analysis.validation.study import finite
-from vsf_drake.bench_curves import (
-    STIFFNESS_ABOVE_N,
-    BenchCurves,
-    BenchMeasurement,
-    load_bench_curves,
-    load_bench_file,
-)
+from vsf_drake.bench_curves import STIFFNESS_ABOVE_N, BenchCurves, BenchMeasurement, load_bench_curves, load_bench_file
 from vsf_drake.errors import InputError
 from vsf_drake.files import flat
 from vsf_drake.parameters import FootParameters
