@@ -82,7 +82,7 @@ def make_walk(*, start_s=0.2, end_s=1.7, step_s=1e-3, delay_s=0.0, scale=1.0, co
         "sphere_friction_W": np.stack([0.1 * normal, -0.05 * normal], axis=-1),
         "socket_wrench": np.outer(force[:, 2], np.arange(6)),
         "fulcrum_m": q[:, 6], "prescribed_q": q[:, :5].copy(), "prescribed_names": names[:5], "sphere_zones": ZONES,
-        "unconverged_steps": 0, "newton_iterations": 3 * n, "converged": True, "simulated_s": end_s - start_s,
+        "unconverged_steps": 0, "converged": True, "simulated_s": end_s - start_s,
         "wall_s": 0.1, "compile_s": 2.5, "step_s": step_s, "subject_mass_kg": MASS_KG, "foot_length_m": FOOT_LENGTH_M,
         "side": "right", "trial_name": "made-up walk", "synthetic": False,
         "parameters": {"foot": {"mass_kg": 0.649, "zones": [{"name": "heel", "x_mm": [21.0]}], "none": None}},

@@ -23,7 +23,7 @@ def gap(ledger):
 @pytest.fixture(scope="module")
 def ledger(stance, walker):
     """ledger(step_s) of a stance of the right foot."""
-    return lambda step_s: walker("right")._ledger(stance("right", step_s))
+    return lambda step_s: walker("right").energies(stance("right", step_s))
 
 
 def test_imbalance_is_the_steppers_own_loss_and_in_proportion_to_the_step(ledger):
@@ -126,7 +126,7 @@ def test_a_person_driven_up_and_down_in_the_air_for_a_whole_period_takes_what_is
     values[:, motion("right").names.index("pelvis_ty")] = 2.0 + amplitude * np.cos(w * time)
     walk = walker("right").walk(CoordinateTrajectory(time, values, motion("right").names), fulcrum_m=0.108, start_s=0.1,
                                 end_s=0.1 + period, step_s=step_s)
-    terms = walker("right")._ledger(walk)
+    terms = walker("right").energies(walk)
     assert np.ptp(terms["driver_work"]) == pytest.approx(2.0 * amplitude * body_weight, rel=0.05)
     off = 0.5 * step_s * period * body_weight / 9.81 * amplitude**2 * w**4 / 2.0
     assert abs(terms["remainder"][-1]) < 0.05 * off
@@ -140,7 +140,7 @@ def test_carriage_works_when_the_fulcrum_moves_under_load(walker, motion):
     gaps = []
     for step_s in (5e-4, 2.5e-4):
         walk = walker("right").walk(motion("right"), fulcrum_m=path, start_s=0.0, end_s=0.94, step_s=step_s)
-        terms = walker("right")._ledger(walk)
+        terms = walker("right").energies(walk)
         assert np.abs(terms["carriage_work"]).max() > 0.2
         gaps.append(gap(terms))
     assert gaps[1] < 0.02

@@ -82,15 +82,6 @@ def test_every_other_quantity_agrees_with_simulator_too(reference, by_stepper, w
                                    atol=0.02 * scale)
 
 
-def test_error_at_1_ms_is_small_and_shrinks_in_proportion_to_the_step(by_stepper, body_weight):
-    exact = every_millisecond(by_stepper(3.125e-5))
-    steps = (1e-3, 5e-4, 2.5e-4, 1.25e-4)
-    errors = [difference(every_millisecond(by_stepper(h)), exact, body_weight) for h in steps]
-    assert errors[0] < 0.003
-    order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    assert order == pytest.approx(1.0, abs=0.25)
-
-
 STEP_M = 0.005
 BEFORE_S, LENGTH_S = 0.02, 0.15
 """Beginning before heel strike, with the prosthetic foot in the air and the intact one loaded, until it bears most."""

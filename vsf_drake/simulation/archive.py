@@ -1,4 +1,4 @@
-"""Result folders on disk: arrays in one `.npz`, everything else in a readable YAML sidecar. No pickle."""
+"""Folders of results on disk: whole or not at all, and never a mixture of two runs; which software made them."""
 
 from __future__ import annotations
 
@@ -7,20 +7,16 @@ import os
 import platform
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vsf_drake.errors import InputError
-from vsf_drake.files import part_of, read_json, read_npz, sha256, write_json, write_npz, write_text
+from vsf_drake.files import part_of, read_json, sha256, write_json
 from vsf_drake.schema import load_plain
-from vsf_drake.yaml_file import dump
 
-ARRAYS_FILE = "result.npz"
 SIDECAR_FILE = "result.yaml"
 RECORD_FILE = ".vsf_drake.json"  # what was written to a result folder: SHA-256 by path, by kind of result
 _KINDS = (".yaml", ".json", ".npz", ".html", ".mot", ".png", ".svg")  # of files that tables name
@@ -102,26 +98,6 @@ def remove_result(out: Path, kind: str, names: Iterable[str] = ()) -> None:
             for folder in _folders(out, name):
                 with contextlib.suppress(OSError):  # it holds something else
                     folder.rmdir()
-
-
-def write_archive(folder: str | Path, arrays: Mapping[str, np.ndarray], sidecar: Mapping[str, Any]) -> None:
-    """Writes `arrays` and `sidecar` (plain values, and the arrays' SHA-256) into the existing `folder`."""
-    folder = Path(folder)
-    write_npz(folder / ARRAYS_FILE, arrays)
-    content = {**sidecar, "arrays_sha256": sha256(folder / ARRAYS_FILE)}
-    write_text(folder / SIDECAR_FILE, dump(content, width=120))
-
-
-def read_archive(folder: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Arrays and sidecar of a result folder; InputError if one is missing or damaged, or they are not of one result."""
-    path = Path(folder) / SIDECAR_FILE
-    sidecar = load_plain(path, right="A result folder holds one")
-    if not isinstance(sidecar, dict):
-        raise InputError("does not describe a result", file=path)
-    path = Path(folder) / ARRAYS_FILE
-    if sha256(path) != sidecar.pop("arrays_sha256", None):
-        raise InputError(f"is not the file that {SIDECAR_FILE} describes (its SHA-256 differs)", file=path)
-    return read_npz(path), sidecar
 
 
 def _settle(source: Path, target: Path, kind: str, *, add: bool, stale: Iterable[str]) -> None:

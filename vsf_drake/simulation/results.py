@@ -1,8 +1,7 @@
 """What a run leaves: walk and bench as frozen data, saved in a folder and read back exactly; standing in numbers.
 
-Every array carries unit, shape, frame and meaning in its field, and the sidecar repeats them, so
-that a saved result explains itself. W is x forward, y left, z up, ground at z = 0. Figures and
-metrics are functions of these objects and need no Drake.
+Every array carries unit, shape, frame and meaning in its field, and the sidecar repeats them. W is x forward, y left, z
+up, ground at z = 0.
 """
 
 from __future__ import annotations
@@ -15,15 +14,16 @@ from typing import Any, TypeVar
 import numpy as np
 
 from vsf_drake.errors import InputError
-from vsf_drake.schema import to_plain
-from vsf_drake.simulation.archive import read_archive, result_folder, write_archive
+from vsf_drake.files import read_npz, sha256, write_npz, write_text
+from vsf_drake.schema import load_plain, to_plain
+from vsf_drake.simulation.archive import SIDECAR_FILE, result_folder
+from vsf_drake.yaml_file import dump
 
 __all__ = ["BenchResult", "BenchSetting", "WalkResult", "coordinate_unit", "load_bench", "load_walk", "result_folder",
            "save_bench", "save_walk"]
 
+ARRAYS_FILE = "result.npz"  # no pickle; everything else is in a readable YAML sidecar
 FORMAT = 1  # version of the layout on disk
-_LATER = ("refined_steps",)
-"""What older results of this format lack, and what is then true of them by default: their steps were never cut."""
 _XYZ = ("x", "y", "z")
 _Result = TypeVar("_Result", "WalkResult", "BenchSetting", "BenchResult")
 
@@ -66,7 +66,6 @@ class WalkResult:
     sphere_zones: tuple[str, ...] = ()
     unconverged_steps: int
     refined_steps: int = 0
-    newton_iterations: int
     converged: bool
     simulated_s: float
     wall_s: float
@@ -151,9 +150,7 @@ def save_walk(result: WalkResult, folder: str | Path) -> None:
     """Writes `result` as a folder: all of it or nothing; raises what `result_folder` does."""
     arrays, plain, described = _parts(result)
     units = {name: coordinate_unit(name) for name in (*result.coordinate_names, *result.prescribed_names)}
-    with result_folder(folder, "walk") as temporary:
-        write_archive(temporary, arrays, {"kind": "walk", "format": FORMAT, **plain, "coordinate_units": units,
-                                          "arrays": described})
+    _save(folder, "walk", arrays, {**plain, "coordinate_units": units, "arrays": described})
 
 
 def load_walk(folder: str | Path) -> WalkResult:
@@ -172,9 +169,8 @@ def save_bench(result: BenchResult, folder: str | Path) -> None:
         columns, plain, meanings = _parts(setting, prefix)
         arrays, described = arrays | columns, described | meanings
         passes.append(plain | {"converged": setting.converged, "arrays_prefix": prefix})
-    sidecar = {"kind": "bench", "format": FORMAT, "converged": result.converged, **_parts(result)[1]}
-    with result_folder(folder, "bench") as temporary:
-        write_archive(temporary, arrays, {**sidecar, "settings": passes, "arrays": described})
+    _save(folder, "bench", arrays, {"converged": result.converged, **_parts(result)[1], "settings": passes,
+                                    "arrays": described})
 
 
 def load_bench(folder: str | Path) -> BenchResult:
@@ -210,22 +206,32 @@ def _parts(result: Any, prefix: str = "") -> tuple[dict[str, np.ndarray], dict[s
     return arrays, plain, described
 
 
+def _save(folder: str | Path, kind: str, arrays: dict[str, np.ndarray], sidecar: dict[str, Any]) -> None:
+    with result_folder(folder, kind) as temporary:
+        write_npz(temporary / ARRAYS_FILE, arrays)
+        content = {"kind": kind, "format": FORMAT, **sidecar, "arrays_sha256": sha256(temporary / ARRAYS_FILE)}
+        write_text(temporary / SIDECAR_FILE, dump(content, width=120))
+
+
 def _read(folder: str | Path, kind: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    arrays, sidecar = read_archive(folder)
+    sidecar = load_plain(Path(folder) / SIDECAR_FILE, right="A result folder holds one")
+    if not isinstance(sidecar, dict):
+        raise InputError("does not describe a result", file=Path(folder) / SIDECAR_FILE)
+    path = Path(folder) / ARRAYS_FILE
+    if sha256(path) != sidecar.pop("arrays_sha256", None):
+        raise InputError(f"is not the file that {SIDECAR_FILE} describes (its SHA-256 differs)", file=path)
     saved, version = sidecar.get("kind"), sidecar.get("format")
     if saved != kind:
         raise InputError(f"holds the result of a {saved}, not of a {kind}", file=folder)
     if version != FORMAT:
         raise InputError(f"has format {version}, and this version reads format {FORMAT}", file=folder)
-    return arrays, sidecar
+    return read_npz(path), sidecar
 
 
 def _build(cls: type[_Result], values: dict[str, Any], folder: str | Path) -> _Result:
     arguments: dict[str, Any] = {}
     for field in dataclasses.fields(cls):
         if field.name not in values:
-            if field.name in _LATER:
-                continue
             raise InputError("is missing from the result", file=folder, where=field.name)
         value = values[field.name]
         arguments[field.name] = tuple(value) if isinstance(value, list) else value

@@ -20,19 +20,9 @@ from vsf_drake.plants.foot import set_mount
 from vsf_drake.plants.gait import make_gait
 from vsf_drake.schema import check, to_plain
 from vsf_drake.sentences import say
+from vsf_drake.simulation import reactions
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.mechanism import edited, gait_mechanism, supported_over
-from vsf_drake.simulation.reactions import (
-    LOADED_N,
-    FootReaction,
-    LoadSensitivity,
-    ReactionSensitivity,
-    energy_ledger,
-    foot_reaction,
-    load_sensitivity,
-    reaction_sensitivity,
-    socket_wrench,
-)
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS, SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
@@ -103,15 +93,12 @@ class Walker:
             fulcrum_m: from A (m), constant or a function of time (s, array to array).
             support_width_m: on either side of a keel joint over which the support passes from one rigid piece of the
                 keel to the next, so that derivatives by `fulcrum.shift` are continuous too; 0 at the joint itself.
-            offsets: height, fore-aft and alignment of the prosthesis; none by default.
-            perturbations: what changes prescribed coordinates with time; each is a variable of this walk,
-                "perturbation.NAME".
+            perturbations: what changes prescribed coordinates with time; each is a variable, "perturbation.NAME".
             values: of `variables` and perturbations, for this walk only; what is not named stays as the Context has it.
-            with_respect_to: names of `variables` and perturbations by which the prosthetic foot's reaction is
-                differentiated, exactly if the start is at rest. One costs as much as a walk, each further one a few
-                percent of that.
-            with_loads: whether the loads of joints and socket and the state are differentiated too, as the walk's
-                `load_sensitivity`; not by `coordinate` and `perturbation` variables.
+            with_respect_to: variables by which the prosthetic foot's reaction is differentiated, exactly if the start
+                is at rest. One costs as much as a walk, each further one a few percent of that.
+            with_loads: whether loads of joints and socket and the state are differentiated too (`load_sensitivity`);
+                not by `coordinate` and `perturbation` variables.
             initial: free coordinates that shall settle before the start, by name, with a first guess; others
                 start as the trajectory says, with its velocity.
             progress: called with the finished fraction.
@@ -159,12 +146,12 @@ class Walker:
         if tangents:
             forward = ForwardSensitivity(tangents=tangents, measured=measured, q0=by, loads=with_loads)
         record = stepper.run(inputs, q0, v0, forward=forward, progress=progress)
-        prosthetic, intact = (foot_reaction(record, rows, mechanism.ground_height)
+        prosthetic, intact = (reactions.foot_reaction(record, rows, mechanism.ground_height)
                               for rows in (slice(0, count), slice(count, None)))
         return Walk(
             mechanism=mechanism, record=record, prosthetic=prosthetic, intact=intact,
-            sensitivity=reaction_sensitivity(record, prosthetic, with_respect_to) if tangents else None,
-            load_sensitivity=load_sensitivity(mechanism, record, with_respect_to, tangents)
+            sensitivity=reactions.reaction_sensitivity(record, prosthetic, with_respect_to) if tangents else None,
+            load_sensitivity=reactions.load_sensitivity(mechanism, record, with_respect_to, tangents)
             if tangents and with_loads else None,
             commanded=q[1:], fulcrum_m=np.array(fulcrum), values=values, step_s=step_s,
             perturbations={f"perturbation.{item.name}": item.coordinate for item in perturbations},
@@ -214,11 +201,8 @@ class Walker:
         """
         record, tree = walk.record, walk.mechanism.tree
         sites = self.gait.person.foot.sites
-        count = len(sites.radius)
-        driven = np.zeros_like(record.load)
-        columns = [tree.index(name) for name in self.gait.prescribed]
-        driven[:, columns] = record.load[:, columns]
-        ledger, counts = self._ledger(walk) if energy else {}, record.counts()
+        count, prescribed = len(sites.radius), np.isin(tree.coordinate_names, self.gait.prescribed)
+        ledger, counts = self.energies(walk) if energy else {}, record.counts()
         used = {  # contact, springs and support as the run used them, whatever the model file says
             "site_columns": list(SITE_COLUMNS), "sites": walk.mechanism.sites.tolist(),
             "spring_columns": list(SPRING_COLUMNS), "springs": walk.mechanism.springs.tolist(),
@@ -227,8 +211,8 @@ class Walker:
         friction = np.stack([record.site("friction_x"), record.site("friction_y")], axis=2)
         return WalkResult(
             time_s=record.time_s, coordinate_names=tree.coordinate_names, q=record.q, v=record.v,
-            generalized_force=driven, grf_W=walk.prosthetic.grf_W, cop_W=walk.prosthetic.cop_W,
-            free_moment_nm=walk.prosthetic.free_moment_nm, intact_grf_W=walk.intact.grf_W,
+            generalized_force=np.where(prescribed, record.load, 0.0), grf_W=walk.prosthetic.grf_W,
+            cop_W=walk.prosthetic.cop_W, free_moment_nm=walk.prosthetic.free_moment_nm, intact_grf_W=walk.intact.grf_W,
             intact_cop_W=walk.intact.cop_W, sphere_normal_n=record.site("normal_force")[:, :count].copy(),
             sphere_depth_m=np.maximum(record.site("depth")[:, :count], 0.0), sphere_friction_W=friction[:, :count],
             socket_wrench=walk.socket_wrench, fulcrum_m=walk.fulcrum_m[1:],
@@ -236,7 +220,7 @@ class Walker:
             energy_names=tuple(ledger),
             energy_j=np.stack([*ledger.values()], axis=1) if ledger else np.zeros((len(record.time_s), 0)),
             sphere_zones=tuple(sites.zone_names[i] for i in sites.zone), **counts,
-            newton_iterations=int(record.iterations.sum()), converged=counts["unconverged_steps"] == 0,
+            converged=counts["unconverged_steps"] == 0,
             simulated_s=float(record.time_s[-1] - record.time_s[0] + walk.step_s), wall_s=walk.wall_s,
             compile_s=walk.compile_s, step_s=walk.step_s, subject_mass_kg=self.subject.mass_kg,
             foot_length_m=self.model.foot.length_m, side=self.subject.prosthetic_side, trial_name=trial.name,
@@ -248,9 +232,10 @@ class Walker:
                         "stepper": used},
             provenance=provenance(trial.inputs), notes=(*trial.notes, *walk_notes(walk, self.subject, self.model)))
 
-    def _ledger(self, walk: Walk) -> dict[str, np.ndarray]:
+    def energies(self, walk: Walk) -> dict[str, np.ndarray]:
+        """The terms of `reactions.energy_ledger` of a walk, each (n,) J."""
         driven = [walk.mechanism.tree.index(name) for name in (*self.gait.prescribed, "fulcrum")]
-        return energy_ledger(walk.mechanism, walk.record, driven=np.array(driven), fulcrum_m=walk.fulcrum_m)
+        return reactions.energy_ledger(walk.mechanism, walk.record, driven=np.array(driven), fulcrum_m=walk.fulcrum_m)
 
 
 def bytes_a_step(mechanism: Mechanism, *, by: int = 0, loads: bool = False) -> float:
@@ -297,9 +282,9 @@ class Walk:
 
     mechanism: Mechanism
     record: Record
-    prosthetic: FootReaction
-    intact: FootReaction
-    sensitivity: ReactionSensitivity | None
+    prosthetic: reactions.FootReaction
+    intact: reactions.FootReaction
+    sensitivity: reactions.ReactionSensitivity | None
     """Of `prosthetic` to the variables that the walk was asked for; None if to none."""
     commanded: np.ndarray  # (n, prescribed) the motion at the ends of the steps
     fulcrum_m: np.ndarray  # (n + 1,) from A, start included
@@ -309,13 +294,13 @@ class Walk:
     wall_s: float
     compile_s: float
     rest_speed: float  # largest speed (m/s, rad/s) left in the free coordinates when they were taken to be at rest
-    load_sensitivity: LoadSensitivity | None = None
+    load_sensitivity: reactions.LoadSensitivity | None = None
     """Of `record.load`, the socket's wrench and the state to those variables; None unless asked for."""
 
     @property
     def socket_wrench(self) -> np.ndarray:
         """(n, 6) force (N) and moment (N m) of the bushing on the socket, by its axes, at the ends of the steps."""
-        return socket_wrench(self.mechanism, self.record)
+        return reactions.socket_wrench(self.mechanism, self.record)
 
 
 # The instants of a walk's steps, and what a caller gives on them.
@@ -388,7 +373,7 @@ def walk_notes(walk: Walk, subject: Subject, model: ModelParameters) -> list[str
     walk_k, bench_k = (secant_stiffness(*law, FOAM_LOADS_N[1]) for law in (foam or bench, bench))
     return [*step_notes(walk.record), *say(
         "walk", "notes", peak_bw=None if PLAUSIBLE_PEAK_BW[0] < peak < PLAUSIBLE_PEAK_BW[1] else peak,
-        deep=_too_deep(walk, model), start_n=vertical[0] if vertical[0] > LOADED_N else 0.0,
+        deep=_too_deep(walk, model), start_n=vertical[0] if vertical[0] > reactions.LOADED_N else 0.0,
         spheres=walk_k if abs(walk_k / bench_k - 1) > FOAM_AGREEMENT else 0.0, foam=bench_k,
         rest_speed=walk.rest_speed if walk.rest_speed > AT_REST else 0.0)]
 

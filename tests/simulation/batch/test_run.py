@@ -115,7 +115,7 @@ def test_energy_is_worked_out_only_when_asked_for(monkeypatch, sweep):
     def refuse(*_):
         raise AssertionError("nobody asked for it")
 
-    monkeypatch.setattr(Walker, "_ledger", refuse)
+    monkeypatch.setattr(Walker, "energies", refuse)
     assert simulate_batch(sweep(1), workers=1)[0].ok
     assert "nobody asked" in simulate_batch(sweep(1), keep=["energy_j"], workers=1)[0].failure
 

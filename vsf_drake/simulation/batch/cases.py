@@ -61,19 +61,14 @@ class WalkCase:
 
     def describe(self) -> str:
         """The member's label, trial and parameters in one line, also of what cannot be walked."""
-        fulcrum, step = self.trial.fulcrum_m if self.fulcrum_m is None else self.fulcrum_m, self.step_s
+        fulcrum = self.trial.fulcrum_m if self.fulcrum_m is None else self.fulcrum_m
         where = "moving" if callable(fulcrum) else _scaled(fulcrum, "mm")
-        parts = [f"{self.label}: " * (self.label != "") + self.trial.name, f"fulcrum {where}",
-                 f"step {_scaled(step, 'ms')}"]
+        offsets = {} if self.offsets is None else {"offsets": self.offsets}
         if isinstance(self.offsets, GeometricOffsets):
-            parts += [f"{name} {shown(getattr(self.offsets, name))}" for name in OFFSETS]
-        elif self.offsets is not None:
-            parts.append(f"offsets {shown(self.offsets)}")
-        if isinstance(self.values, Mapping):
-            parts += [f"{name} {shown(value)}" for name, value in self.values.items()]
-        else:
-            parts.append(f"values {shown(self.values)}")
-        return ", ".join(parts)
+            offsets = vars(self.offsets)
+        numbers = {**offsets, **(self.values if isinstance(self.values, Mapping) else {"values": self.values})}
+        return ", ".join([f"{self.label}: " * (self.label != "") + self.trial.name, f"fulcrum {where}",
+                          f"step {_scaled(self.step_s, 'ms')}", *(f"{k} {shown(v)}" for k, v in numbers.items())])
 
 
 @dataclass(frozen=True, eq=False)

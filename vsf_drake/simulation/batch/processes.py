@@ -4,8 +4,7 @@ A thread stands before each process, so that it is known which task ran where. T
 they inherit no lock and no thread of Drake, numba or BLAS (a fork would), and do not import the caller's script.
 
 joblib's loky (1.5) does not keep this: of 12 tasks on two workers one SIGKILL lost 7 and the pool, without saying which
-did it; its workers start by -m without -P (a `signal.py` in the current folder ran); two processes outlive a shutdown.
-Threads are limited in the environment, before BLAS is loaded, which spares what threadpoolctl would do in each worker.
+did it; its workers start without -P (a `signal.py` in the current folder ran); two processes outlive a shutdown.
 """
 
 from __future__ import annotations
@@ -275,21 +274,14 @@ class SweepProgress:
         """Members simulated in a second; None before the first."""
         return self.simulated / self.elapsed_s if self.simulated and self.elapsed_s > 0.0 else None
 
-    @property
-    def left_s(self) -> float | None:
-        """Time left at this rate; None before there is one."""
-        if self.done == self.total:
-            return 0.0
-        rate = self.rate_per_s
-        return None if rate is None else (self.total - self.done) / rate
-
     def __str__(self) -> str:
-        cached = f" ({self.from_cache} from the cache)" if self.from_cache else ""
-        failed = f", {self.failed} failed" if self.failed else ""
-        rate = "" if self.rate_per_s is None else f", {self.rate_per_s:.1f} walks/s"
-        clock = str(timedelta(seconds=round(self.left_s or 0.0))).removeprefix("0:").removeprefix("0")
-        left = f", {clock} left" if self.left_s else ""
-        return f"{self.done} of {self.total} walks{cached}{failed}{rate}{left}"
+        text = f"{self.done} of {self.total} walks"
+        text += f" ({self.from_cache} from the cache)" if self.from_cache else ""
+        text += f", {self.failed} failed" if self.failed else ""
+        if rate := self.rate_per_s:
+            left = timedelta(seconds=round((self.total - self.done) / rate))
+            text += f", {rate:.1f} walks/s" + f", {left} left".replace(" 0:", " ").replace(" 0", " ") * bool(left)
+        return text
 
 
 Report = Callable[[SweepProgress], None]
@@ -315,9 +307,8 @@ def sparse_lines(write: Callable[[str], None], clock: Callable[[], float] = time
 
     def show(state: SweepProgress) -> None:
         nonlocal last
-        now = clock()
-        if state.done == state.total or now - last >= LINE_EVERY_S:
-            last = now
+        if state.done == state.total or clock() - last >= LINE_EVERY_S:
+            last = clock()
             write(str(state))
 
     return show

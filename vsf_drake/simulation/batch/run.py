@@ -180,15 +180,12 @@ def _said(error: Exception) -> str:
     return str(error) if isinstance(error, VsfError) else f"{type(error).__name__}: {error}"
 
 
-# What runs a task, in whatever process or thread: the part of a sweep that computes.
-#
-# A process builds a `Walker` once for each person (subject, model, free coordinates) and uses it again for every
-# walk of that person; no two threads ever hold the same one. Walkers are kept for good, because Drake does not free
-# a diagram with Python systems in it.
+# What runs a task, in whatever process or thread. A process builds a `Walker` once for each person and uses it for
+# every walk of that person; no two threads ever hold the same one. Walkers are kept for good: Drake does not free a
+# diagram with Python systems in it.
 
 
-_NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})
-"""In place of a trial: what a result says of its origin, which is not brought back."""
+_NAMELESS: Any = SimpleNamespace(name="", notes=(), synthetic=False, inputs={})  # in place of a trial
 _lock = threading.Lock()
 _idle: dict[str, list[Walker]] = {}
 
@@ -262,9 +259,6 @@ def _walker(task: WorkerTask) -> Iterator[Walker]:
     finally:
         with _lock:
             waiting.append(walker)
-
-
-# Keeps an executor busy with tasks, hands back replies as they come, and tries once more what a machine lost.
 
 
 ATTEMPTS = 2  # how often a task is tried whose worker dies under it

@@ -111,18 +111,16 @@ def make_directions(
         unit[place] = amount
     entries = sorted((int(s), p, int(column), float(by_unit.sites[s, column])) for p, by_unit in enumerate(tangents)
                      if by_unit.sites is not None for s, column in np.argwhere(by_unit.sites))
-    springs = [(p, int(row), by_unit.springs[row, :3]) for p,
-               by_unit in enumerate(tangents) if by_unit.springs is not None
-               for row in np.flatnonzero(by_unit.springs.any(axis=1))]
+    springs = [(p, int(row), by_unit.springs[row, :3]) for p, by_unit in enumerate(tangents)
+               if by_unit.springs is not None for row in np.flatnonzero(by_unit.springs.any(axis=1))]
     return TangentDirections(
         coordinate=np.maximum(coordinate, -1), body=body, parent=parent_of[body], mount=mount, rows=rows, unit=unit,
         relation=np.where(carriers[joints][:, body], INBOARD,
                           np.where(carriers[body][:, joints].T, OUTBOARD, UNRELATED)),
         perturbation_direction=np.array([direction for direction, _ in perturbations], dtype=np.int64),
         perturbation_parameter=np.array([p for _, p in perturbations], dtype=np.int64),
-        path=np.ascontiguousarray(np.array([tangents[p].perturbation for _, p in perturbations],
-                                           dtype=float).T) if perturbations
-        else np.zeros((0, 0)),
+        path=np.ascontiguousarray(np.array([tangents[p].perturbation for _, p in perturbations], dtype=float).T)
+        if perturbations else np.zeros((0, 0)),
         path_rate=np.array([tangents[p].perturbation_rate for _, p in perturbations], dtype=float),
         slide=np.array([by_unit.fulcrum_shift for by_unit in tangents]),
         slides=any(by_unit.fulcrum_shift for by_unit in tangents),

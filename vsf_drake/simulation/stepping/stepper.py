@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
@@ -42,8 +41,7 @@ from vsf_drake.simulation.stepping.tree import Tree, TreeArrays, tree_arrays, tr
 
 CHUNK = 32  # steps between looks for progress and interruption
 MAX_SPEED = 1e3  # coordinate speed (m/s or rad/s) beyond which a simulation counts as diverged
-TANGENT_ARGUMENT = -2
-"""Where `advance` takes what carries sensitivities along: by its type the compiled variants are told apart."""
+_warm: set[bool] = set()  # whether with sensitivities: the variants of `advance` that are compiled
 SETTLED_TOLERANCE, SETTLED_SPEED = 1e-10, 1e-9
 """Of the steps that lead to rest (with the usual one they would coast at 1e-7 m/s), and m/s or rad/s at it."""
 DYNAMICS = ("compiled", "drake")
@@ -130,7 +128,7 @@ class Stepper:
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
         dofs = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
         workspace = step_workspace(m.tree, forces, dofs, self.tolerance)
-        directions, tangent = (None, None) if forward is None else forward.prepare(m.tree, forces, dofs, steps)
+        directions, tangent = (None, None) if forward is None else forward.prepare(m.tree, forces, dofs)
         go = advance if self.dynamics == "compiled" else partial(
             advance.py_func, dynamics=_drakes_dynamics(m.plant, m.context))
         done = 0
@@ -159,15 +157,16 @@ class Stepper:
 
     def warm_up(self, *, sensitivities: bool = False) -> float:
         """Seconds in which a throw-away step has compiled the run, or the one with `sensitivities`; 0 if it was."""
-        if any((signature[TANGENT_ARGUMENT] == numba.types.none) != sensitivities for signature in advance.signatures):
+        if sensitivities in _warm:
             return 0.0
+        _warm.add(sensitivities)
         started = time.perf_counter()
         n = self.mechanism.tree.num_coordinates
         held = Inputs(time_s=np.array([0.0, 1e-3]), prescribed=np.arange(n), prescribed_q=np.zeros((2, n)),
                       fulcrum=np.zeros(2), ground=np.zeros(2))
-        forward = ForwardSensitivity(tangents=(ParameterTangent(),), measured=np.ones(len(self.mechanism.sites),
-                                                                                      dtype=bool),
-                                     q0=np.zeros((n, 1))) if sensitivities else None
+        forward = ForwardSensitivity(
+            tangents=(ParameterTangent(),), measured=np.ones(len(self.mechanism.sites), dtype=bool),
+            q0=np.zeros((n, 1))) if sensitivities else None
         self.run(held, np.zeros(n), np.zeros(n), forward=forward)
         return time.perf_counter() - started
 

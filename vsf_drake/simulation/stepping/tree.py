@@ -110,47 +110,6 @@ def _inertia(body: RigidBody, context: Context) -> np.ndarray:
                      I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]])
 
 
-@compiled
-def forward_kinematics(
-    q: np.ndarray, links: np.ndarray, frames: np.ndarray, R: np.ndarray, p: np.ndarray, axes: np.ndarray,
-    origins: np.ndarray
-) -> None:
-    """Writes body poses R (B, 3, 3), p (B, 3) and joint axes, origins (n, 3) in W for coordinates q (n,).
-
-    From the world outwards, over each joint: X_WB = X_WP X_PF X_FM(q) X_MB, with F fixed to the parent P, M to the body
-    B, and X_FM a turn about or a shift along the axis that both share.
-    """
-    for i in range(3):
-        p[0, i] = 0.0
-        for k in range(3):
-            R[0, i, k] = 1.0 if i == k else 0.0
-    for m in range(links.shape[0]):
-        kind, parent, child, c = links[m, 0], links[m, 1], links[m, 2], links[m, 3]
-        # R_WF and p_WF, which become R_WM and p_WM as the joint turns or shifts.
-        F, pM = _product(R, parent, frames, m, 0), _moved(R, p, parent, frames, m, 9)
-        if kind != WELD:
-            ax = F[0] * frames[m, 24] + F[1] * frames[m, 25] + F[2] * frames[m, 26]
-            ay = F[3] * frames[m, 24] + F[4] * frames[m, 25] + F[5] * frames[m, 26]
-            az = F[6] * frames[m, 24] + F[7] * frames[m, 25] + F[8] * frames[m, 26]
-            axes[c, 0], axes[c, 1], axes[c, 2] = ax, ay, az
-            origins[c, 0], origins[c, 1], origins[c, 2] = pM
-            if kind == PRISMATIC:
-                pM = (pM[0] + q[c] * ax, pM[1] + q[c] * ay, pM[2] + q[c] * az)
-            else:
-                F = _turned(F, ax, ay, az, math.sin(q[c]), math.cos(q[c]))
-
-        # The frame M itself for now; X_MB then leads to the body.
-        for i in range(3):
-            for k in range(3):
-                R[child, i, k] = F[k + 3 * i]
-            p[child, i] = pM[i]
-        B, pB = _product(R, child, frames, m, 12), _moved(R, p, child, frames, m, 21)
-        for i in range(3):
-            for k in range(3):
-                R[child, i, k] = B[k + 3 * i]
-            p[child, i] = pB[i]
-
-
 @internal
 def _product(R: np.ndarray, b: int, frames: np.ndarray, m: int, at: int) -> tuple[float, ...]:
     """R[b] times the rotation that begins at column `at` of row m, row by row."""
@@ -378,8 +337,6 @@ class Motion(NamedTuple):
 
     R: np.ndarray  # (B, 3, 3) and p (B, 3): poses
     p: np.ndarray
-    axes: np.ndarray  # (n, 3) joint axes, and origins (n, 3), points on them
-    origins: np.ndarray
     S: np.ndarray  # (n, 6) motion of a unit rate of each coordinate
     V: np.ndarray  # (B, 6) velocities
     A: np.ndarray  # (B, 6) accelerations, with gravity's as an upward one of the world
@@ -397,33 +354,54 @@ def work_space(tree: Tree) -> Motion:
     """Workspace for one state of `tree`."""
     n, bodies = tree.num_coordinates, len(tree.body_names)
     return Motion(
-        R=np.zeros((bodies, 3, 3)), p=np.zeros((bodies, 3)), axes=np.zeros((n, 3)), origins=np.zeros((n, 3)),
-        S=np.zeros((n, 6)), V=np.zeros((bodies, 6)), A=np.zeros((bodies, 6)), own=np.zeros((bodies, 10)),
-        composite=np.zeros((bodies, 10)), f=np.zeros((bodies, 6)))
+        R=np.zeros((bodies, 3, 3)), p=np.zeros((bodies, 3)), S=np.zeros((n, 6)), own=np.zeros((bodies, 10)),
+        composite=np.zeros((bodies, 10)), **{name: np.zeros((bodies, 6)) for name in ("V", "A", "f")})
 
 
 @compiled
 def place(tree: TreeArrays, q: np.ndarray, motion: Motion) -> None:
-    """Poses and joint motions at coordinates q (n,)."""
-    forward_kinematics(q, tree.links, tree.frames, motion.R, motion.p, motion.axes, motion.origins)
-    S, axes, origins = motion.S, motion.axes, motion.origins
+    """Poses and joint motions at coordinates q (n,).
+
+    From the world outwards, over each joint: X_WB = X_WP X_PF X_FM(q) X_MB, with F fixed to the parent P, M to the body
+    B, and X_FM a turn about or a shift along the axis that both share.
+    """
+    R, p, frames = motion.R, motion.p, tree.frames
+    for i in range(3):
+        p[0, i] = 0.0
+        for k in range(3):
+            R[0, i, k] = 1.0 if i == k else 0.0
     for m in range(tree.links.shape[0]):
-        kind, c = tree.links[m, 0], tree.links[m, 3]
-        if kind == REVOLUTE:  # (axis, origin x axis): W's origin moves as a point of the body
-            for i in range(3):
-                S[c, i] = axes[c, i]
-            S[c, 3] = origins[c, 1] * axes[c, 2] - origins[c, 2] * axes[c, 1]
-            S[c, 4] = origins[c, 2] * axes[c, 0] - origins[c, 0] * axes[c, 2]
-            S[c, 5] = origins[c, 0] * axes[c, 1] - origins[c, 1] * axes[c, 0]
-        elif kind != WELD:  # (0, axis)
-            for i in range(3):
-                S[c, i], S[c, 3 + i] = 0.0, axes[c, i]
+        kind, parent, child, c = tree.links[m, 0], tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
+        # R_WF and p_WF, which become R_WM and p_WM as the joint turns or shifts.
+        F, pM = _product(R, parent, frames, m, 0), _moved(R, p, parent, frames, m, 9)
+        if kind != WELD:
+            ax = F[0] * frames[m, 24] + F[1] * frames[m, 25] + F[2] * frames[m, 26]
+            ay = F[3] * frames[m, 24] + F[4] * frames[m, 25] + F[5] * frames[m, 26]
+            az = F[6] * frames[m, 24] + F[7] * frames[m, 25] + F[8] * frames[m, 26]
+            x, y, z = pM
+            if kind == PRISMATIC:
+                put(motion.S, c, (0.0, 0.0, 0.0, ax, ay, az))
+                pM = (x + q[c] * ax, y + q[c] * ay, z + q[c] * az)
+            else:  # (axis, origin x axis): W's origin moves as a point of the body
+                put(motion.S, c, (ax, ay, az, y * az - z * ay, z * ax - x * az, x * ay - y * ax))
+                F = _turned(F, ax, ay, az, math.sin(q[c]), math.cos(q[c]))
+
+        # The frame M itself for now; X_MB then leads to the body.
+        _write_pose(R, p, child, F, pM)
+        _write_pose(R, p, child, _product(R, child, frames, m, 12), _moved(R, p, child, frames, m, 21))
+
+
+@internal
+def _write_pose(R: np.ndarray, p: np.ndarray, b: int, rotation: tuple[float, ...], position: Three) -> None:
+    """The pose in row b."""
+    for i in range(3):
+        for k in range(3):
+            R[b, i, k] = rotation[k + 3 * i]
+        p[b, i] = position[i]
 
 
 @compiled
-def inverse_dynamics(
-    tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Motion, tau: np.ndarray
-) -> None:
+def inverse_dynamics(tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Motion, tau: np.ndarray) -> None:
     """Forces tau (n,) for velocities v and accelerations a (n,) at the placed pose, gravity included.
 
     Leaves V, A, own and composite inertias and transmitted forces in `motion`.
