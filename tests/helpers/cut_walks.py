@@ -33,12 +33,12 @@ def hard_walker(setting: int):
     return Walker(trial.subject, trial.model), trial
 
 
-def cut_walk(name: str, step_s: float | None = None) -> Walk:
-    """One of SETTINGS, in its own step or another."""
-    setting, values, usual_s = SETTINGS[name]
+def cut_walk(name: str) -> Walk:
+    """One of SETTINGS."""
+    setting, values, step_s = SETTINGS[name]
     walker, trial = hard_walker(setting)
     return walker.walk(trial.trajectory, values=values, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s,
-                       end_s=trial.end_s, step_s=step_s or usual_s)
+                       end_s=trial.end_s, step_s=step_s)
 
 
 def inputs_of(walk: Walk, walker: Walker) -> Inputs:

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from cut_walks import inputs_of
-from drawn_walks import assert_sound, drawn, draws, outcomes, reach
+from drawn_walks import assert_sound, drawn
 from made_contact import CURVE, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
 from vsf_drake.analysis.validation import embedded_trials
@@ -74,19 +74,14 @@ def test_divergence_names_time_and_coordinate(walker, stance):
 
 
 @pytest.mark.parametrize(("options", "message"), [
-    ({"step_s": "1e-3"}, "step_s: '1e-3' is not usable"), ({"step_s": 1e-12}, "no time to walk"),
-    ({"end_s": np.inf}, "end_s: inf"), ({"start_s": None}, "start_s: None"), ({"offsets": {"height_m": 0.0}}, "a dict"),
-    ({"fulcrum_m": lambda t: "a"}, "fulcrum_m: gives"), ({"fulcrum_m": lambda t: [0.1, 0.1]}, "one for each time"),
-    ({"fulcrum_m": "0.1"}, "fulcrum_m: gives"), ({"fulcrum_m": np.nan}, "finite number"),
-    ({"values": "offset.height"}, "no mapping"), ({"values": {"offset.height": 5.0}}, "from -0.2 to 0.2 m"),
-    ({"values": {"coordinate.knee_angle_r": 100.0}}, "from -1 to 1 rad"),
-    ({"values": {"contact.heel.exponent": 50.0}}, "from 1 to 20"),
-    ({"with_respect_to": "offset.height"}, "no list of names"), ({"with_respect_to": None}, "no list of names"),
+    ({"step_s": "1e-3"}, "step_s: '1e-3' is not usable"), ({"step_s": 0.5}, "not a usable step"),
+    ({"end_s": np.inf}, "end_s: inf"), ({"end_s": 0.0}, "no time to walk"), ({"end_s": 1.5}, "outside the recording"),
+    ({"offsets": {"height_m": 0.0}}, "a dict"), ({"fulcrum_m": lambda t: "a"}, "fulcrum_m: gives"),
+    ({"fulcrum_m": lambda t: [0.1, 0.1]}, "one for each time"), ({"fulcrum_m": np.nan}, "finite number"),
+    ({"fulcrum_m": lambda t: 0.1 + t}, "out of the carriage's reach"), ({"values": "offset.height"}, "no mapping"),
+    ({"with_respect_to": "offset.height"}, "no list of names"),
     ({"with_respect_to": [["offset.height"]]}, "there is no variable"),
-    ({"with_respect_to": iter(["offset.height"] * 2)}, "stands twice"),
-    ({"step_s": 0.0}, "not a usable step"), ({"step_s": 0.5}, "not a usable step"),
-    ({"fulcrum_m": 0.2}, "out of the carriage's reach"), ({"end_s": 1.5}, "outside the recording"),
-    ({"fulcrum_m": lambda t: 0.1 + t}, "out of the carriage's reach")])
+    ({"with_respect_to": iter(["offset.height"] * 2)}, "stands twice")])
 def test_useless_input_is_refused(walker, motion, options, message):
     with pytest.raises(InputError, match=message):
         run(walker, motion, **options)
@@ -300,13 +295,6 @@ MOST_FAILED = 0.05
 @pytest.mark.parametrize("setting", [0, 1, 2])
 def test_walks_stay_sound_with_any_parameters(setting):
     assert_sound(drawn(setting, 12, seed=setting, step_s=2e-3))
-
-
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_walks_on_either_foot_stay_sound_with_any_parameters(walker, motion, side):
-    person = walker(side)
-    sets = draws(person.variables, 12, seed=3, bounds=reach(person, 0.108))
-    assert_sound(outcomes(person, motion(side), sets, fulcrum_m=0.108, start_s=0.0, end_s=0.94, step_s=2e-3))
 
 
 def test_a_foot_far_above_or_within_the_ground_stays_sound():

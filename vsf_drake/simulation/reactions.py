@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from vsf_drake.simulation.stepping.tree import (
     Motion,
     Tree,
     TreeArrays,
+    add,
     dot,
     inertia_in_world,
     inertia_times,
@@ -142,8 +144,7 @@ def load_sensitivity(
 # velocity, velocity of the point of the body at W's origin), (moment about W's origin, force).
 
 
-@dataclass(frozen=True, eq=False)
-class SegmentMotion:
+class SegmentMotion(NamedTuple):
     """Motion of b bodies of a tree at n instants, and of all bodies that are inside."""
 
     twist: np.ndarray  # (n, b, 6) of the bodies asked for, rad/s and m/s
@@ -167,16 +168,14 @@ def follow(
         R_WB=np.zeros((n, 3, 3)), p_WB=np.zeros((n, 3)))
     _follow(tree_arrays(tree), np.ascontiguousarray(q), np.ascontiguousarray(v), work_space(tree),
             np.array(bodies, dtype=np.int64), np.array(coordinates, dtype=np.int64), np.asarray(inside, dtype=np.bool_),
-            motion.twist, motion.joints, motion.momentum, motion.mass_moment, motion.kinetic_j, motion.R_WB,
-            motion.p_WB)
+            motion)
     return motion
 
 
 @compiled
 def _follow(
     tree: TreeArrays, q: np.ndarray, v: np.ndarray, motion: Motion, bodies: np.ndarray, coordinates: np.ndarray,
-    inside: np.ndarray, twist: np.ndarray, joints: np.ndarray, momentum: np.ndarray, mass_moment: np.ndarray,
-    kinetic: np.ndarray, R: np.ndarray, p: np.ndarray
+    inside: np.ndarray, out: SegmentMotion
 ) -> None:
     last = bodies[bodies.shape[0] - 1]
     for k in range(q.shape[0]):
@@ -193,20 +192,18 @@ def _follow(
             if inside[b] and tree.inertias[b, 0] > 0.0:
                 inertia_in_world(tree.inertias, b, motion.R, motion.p, motion.own)
                 momentum_b = inertia_times(motion.own, b, V_b)
-                kinetic[k] += 0.5 * dot(V_b, momentum_b)
+                out.kinetic_j[k] += 0.5 * dot(V_b, momentum_b)
                 for i in range(3):
-                    mass_moment[k, i] += motion.own[b, 1 + i]
-                put(momentum, k, plus(six(momentum, k), momentum_b, 1.0))
+                    out.mass_moment[k, i] += motion.own[b, 1 + i]
+                add(out.momentum, k, momentum_b)
         for i in range(bodies.shape[0]):
-            for j in range(6):
-                twist[k, i, j] = motion.V[bodies[i], j]
+            put(out.twist[k], i, six(motion.V, bodies[i]))
         for i in range(coordinates.shape[0]):
-            for j in range(6):
-                joints[k, i, j] = motion.S[coordinates[i], j]
+            put(out.joints[k], i, six(motion.S, coordinates[i]))
         for i in range(3):
-            p[k, i] = motion.p[last, i]
+            out.p_WB[k, i] = motion.p[last, i]
             for j in range(3):
-                R[k, i, j] = motion.R[last, i, j]
+                out.R_WB[k, i, j] = motion.R[last, i, j]
 
 
 # The energy ledger of a run: what the driver and gravity put in, where it is and where it went.

@@ -17,17 +17,15 @@ def fails(_):
 
 
 UNUSABLE = {
-    "too few": ({"fulcrum_m": lambda t: [0.1, 0.1]}, "fulcrum_m: gives float64 numbers of shape (2,)"),
-    "nothing": ({"fulcrum_m": lambda t: None}, "fulcrum_m"), "complex": ({"fulcrum_m": 0.1 + 0j}, "fulcrum_m"),
+    "complex": ({"fulcrum_m": 0.1 + 0j}, "fulcrum_m"),
     "raising": ({"fulcrum_m": fails}, "fulcrum_m: the function raises ZeroDivisionError: mine"),
     "no values": ({"values": None}, "values: None is no mapping"),
-    "value too large": ({"values": {"offset.height": 10**400}}, "values['offset.height']"),
     "value beyond printing": ({"values": {"offset.height": 10**5000}}, "values['offset.height']"),
     "offsets a word": ({"offsets": "x"}, "offsets: 'x'"),
     "offset a word": ({"offsets": GeometricOffsets(height_m="x")}, "offsets.height_m"),
     "no free": ({"free": None}, "free: None is no sequence of names"),
     "free a word": ({"free": "pelvis_ty"}, "free: 'pelvis_ty' is one name, not a sequence of names. Give ("),
-    "steps too short": ({"step_s": 1e-12}, "step_s"), "step a word": ({"step_s": "short"}, "step_s")}
+    "step a word": ({"step_s": "short"}, "step_s")}
 
 
 @pytest.mark.parametrize("held", UNUSABLE)

@@ -14,11 +14,9 @@ import numpy as np
 import pytest
 from cut_walks import SETTINGS, cut_walk, hard_walker
 from differences import branches, central, errors, exact_series, size
-from scipy.interpolate import BSpline
 
 from vsf_drake.errors import InputError
 from vsf_drake.laws.beam import section_inertia
-from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import FootParameters, ModelParameters, Subject
 from vsf_drake.simulation import walk as walk_module
 from vsf_drake.simulation.stepping.sensitivity import rest_sensitivity
@@ -227,21 +225,6 @@ def test_run_is_the_same_bit_for_bit_whatever_it_is_differentiated_by(walker, mo
     np.testing.assert_allclose(some.sensitivity.grf_W[:, :, 1:2], one.sensitivity.grf_W, rtol=1e-12)
 
 
-def test_sensitivities_to_courses_that_add_up_to_one_add_up_to_that_of_a_shift(walker, motion):
-    """Cubic B-splines over the walk, and the other sensitivities are the same beside them."""
-    knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, 6), np.ones(3)])
-    person = Perturbed(walker("right"), tuple(MotionPerturbation(str(i), "hip_flexion_r", BSpline(knots, unit, 3))
-                                              for i, unit in enumerate(np.eye(8))))
-    options = {"fulcrum_m": 0.108, "start_s": MID_STANCE_S, "end_s": END_S, "step_s": 2e-3}
-    names = [*family(person, "perturbation"), "coordinate.hip_flexion_r"]
-    by = person.walk(motion("right"), with_respect_to=names, **options).sensitivity
-    alone = walker("right").walk(motion("right"), with_respect_to=names[-1:], **options).sensitivity
-    np.testing.assert_allclose(by.grf_W[..., 8:], alone.grf_W, rtol=1e-12, atol=1e-9)
-    for series in (by.grf_W, by.cop_W, by.free_moment_nm):
-        np.testing.assert_allclose(series[..., :8].sum(axis=-1), series[..., 8], rtol=0.0,
-                                   atol=1e-9 * np.nanmax(np.abs(series)))
-
-
 def supported(walker: Walker, motion, fulcrum_m, width_m, **options):
     return walker.walk(motion("right"), fulcrum_m=fulcrum_m, start_s=0.1, end_s=0.7, step_s=2e-3,
                        support_width_m=width_m, **options)
@@ -402,22 +385,6 @@ def test_load_of_a_step_that_was_cut_is_the_mean_of_its_pieces_derivatives_too(n
     rows = driven(person, walk)
     by, exact = (high.record.load - low.record.load)[:, rows] / (2.0 * change), walk.load_sensitivity.load[:, rows, 0]
     assert np.abs(by - exact)[cut].max() < 1e-4 * np.abs(exact[same]).max()
-
-
-@pytest.mark.usefixtures("exact_steps")
-def test_at_rest_the_pelvis_takes_what_the_ground_does_not(walker, motion):
-    """A pose of mid-stance held: whatever loads the foot more unloads the pelvis by the same force.
-
-    What acts on motion only is left out: it changes nothing at rest."""
-    q, _, _ = motion("right").sample(0.4)
-    held = CoordinateTrajectory(np.linspace(0.0, 1.0, 11), np.repeat(q, 11, axis=0), motion("right").names)
-    walk = walker("right").walk(held, fulcrum_m=0.1, start_s=0.0, end_s=1.0, step_s=2e-3, with_respect_to=NAMES,
-                                with_loads=True)
-    tree, by, ground = walk.mechanism.tree, walk.load_sensitivity, walk.sensitivity.grf_W[-1]
-    elastic = [i for i, name in enumerate(NAMES) if "friction" not in name and "damping" not in name]
-    for name, force in (("pelvis_tx", ground[0]), ("pelvis_ty", ground[2]), ("pelvis_tz", -ground[1])):
-        left = by.load[-1, tree.index(name)] + force
-        np.testing.assert_allclose((left / np.abs(ground[2]))[elastic], 0.0, atol=1e-5, err_msg=name)
 
 
 def test_variables_that_move_prescribed_coordinates_are_refused(walker, motion):
