@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,7 +29,6 @@ from vsf_drake.analysis.validation.sensitivity_section import (
     chosen_walks,
     sensitivity_factors,
     sensitivity_section,
-    strongest_factors,
     values_at,
 )
 from vsf_drake.analysis.validation.study import FITTED, HELD_OUT, STEP_S, Study, StudyOptions
@@ -341,14 +339,6 @@ def test_the_walk_of_a_condition_is_the_middle_repeat_of_those_that_the_fit_has_
     assert [walk.label for walk in chosen_walks(only(embedded_study(), *roles))] == [label]
 
 
-def test_the_strongest_factors_are_so_by_any_of_the_main_outputs():
-    effects = {"grf_rmse_bw": (10.0, 1.0, 0.0), "cop_rmse_fl": None, "spring_returned_j": (0.0, 0.1, 0.4)}
-    morris = {output: of and [SimpleNamespace(name=name, mu_star=x) for name, x in zip("abc", of, strict=True)]
-              for output, of in effects.items()}
-    assert strongest_factors(morris) == ["a", "c", "b"]
-    assert strongest_factors(dict.fromkeys(effects)) == []
-
-
 def test_the_short_form_has_every_output_and_no_indices(quick_validation):
     section = saved_section(quick_validation, "sensitivity")
     table = section.table
@@ -379,10 +369,9 @@ def test_without_a_measured_centre_of_pressure_the_other_outputs_are_there(monke
 
 
 @pytest.mark.slow
-def test_the_long_form_has_indices_of_groups_and_of_the_strongest(monkeypatch):
+def test_the_long_form_has_indices_of_groups(monkeypatch):
     """Of one walk with few samples, in several portions."""
-    for name, value in (("TRAJECTORIES", 4), ("GROUP_SAMPLES", 16), ("FACTOR_SAMPLES", 16), ("STRONGEST", 3),
-                        ("AT_ONCE", 100)):
+    for name, value in (("TRAJECTORIES", 4), ("GROUP_SAMPLES", 16), ("AT_ONCE", 100)):
         monkeypatch.setattr(sensitivity, name, value)
     study = embedded_study()
     long = sensitivity_section(dataclasses.replace(study, walks=study.walks[1:2], options=StudyOptions(workers=1)))
@@ -390,7 +379,6 @@ def test_the_long_form_has_indices_of_groups_and_of_the_strongest(monkeypatch):
     assert table.failed == 0 and any("One condition only" in sentence for sentence in long.missing)
     for row in table.outputs.values():
         assert [one.name for one in row.sobol] == ["contact", "friction", "geometry", "kinematics", "bushing", "keel"]
-        assert {one.name for one in row.sobol_factors} == {*table.strongest}
         assert row.p05 < row.p50 < row.p95 and row.dropped == 0
         assert row.interaction == pytest.approx(1.0 - sum(one.s1 for one in row.sobol))
     effects = {row.name: row.mu_star for row in table.outputs["grf_rmse_bw"].morris}

@@ -351,15 +351,15 @@ def indices(names):
 
 ROW = OutputRow(
     baseline=0.03, baseline_indexed=0.04, p05=0.04, p50=0.05, p95=0.07, stability=0.91, interaction=0.2,
-    interaction_conf=0.1, explained=0.8, dropped=0, sobol=indices(GROUPS), sobol_factors=indices(NAMES[:4]),
+    interaction_conf=0.1, dropped=0, sobol=indices(GROUPS),
     morris=tuple(Effect(name=name, mu=-0.5e-3 * (18 - i), mu_star=1e-3 * (18 - i), mu_star_conf=1e-3, sigma=2e-3)
                  for i, name in enumerate(NAMES)))
 LONG = SensitivityTable(
     factors=tuple(FactorRange(name=name, group=name.split()[0], unit="mm", low=-1.0, high=1.0, why="a choice")
                   for name in NAMES),
     conditions=tuple(WalkedCondition(label=f"walk_{x:g}", fulcrum_mm=x, role="held out") for x in (66.0, 108.0)),
-    indexed=1, strongest=tuple(NAMES[:4]), walks=1000, unconverged=0, trajectories=16, failed=3,
-    first_failure="point 4: the run diverges", blocks=(256, 128), seed=0, synthetic=True,
+    indexed=1, walks=1000, unconverged=0, trajectories=16, failed=3,
+    first_failure="point 4: the run diverges", blocks=256, seed=0, synthetic=True,
     outputs=dict.fromkeys(OUTPUTS, ROW) | {"grf_rmse_bw": replace(ROW, dropped=3)})
 
 
@@ -369,9 +369,9 @@ def test_sensitivity_names_the_strongest_factors_counts_wide_intervals_and_quote
     wide = replace(LONG, outputs=LONG.outputs | {"grf_rmse_bw": replace(
         own, sobol=(*rows[:2], replace(rows[2], st_conf=0.3), *rows[3:]))})
     shown = assert_sound(sensitivity_chapter, wide, {})
-    assert list(shown.alts) == ["sensitivity_screening", "sensitivity_indices"] and len(shown.grids) == 5
+    assert list(shown.alts) == ["sensitivity_screening", "sensitivity_indices"] and len(shown.grids) == 4
     assert "kinematics 1 1.8 ± 0.1, kinematics 2 1.7 ± 0.1" in shown.words and "synthetic walk_66" in shown.words
-    assert f"{3 * 8} of {3 * 10} first-order indices" in shown.words  # of each output 5 of 6 groups, 3 of 4 factors
+    assert f"{3 * 5} of {3 * 6} first-order indices" in shown.words  # of each output 5 of 6 groups
     assert f"total index of {rows[2].name} (resultant GRF error)" in shown.words
     assert "3 failed" in shown.words and "the run diverges" in shown.words
     assert "3 for the resultant GRF error" in shown.words

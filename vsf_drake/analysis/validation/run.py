@@ -198,14 +198,10 @@ class TrialRow:
     fore_aft_mm: float
     alignment_deg: float
     label: str
-    name: str
-    file: str
     role: str
     fulcrum_mm: float
     synthetic: bool
     warnings: str | None
-    window_s: tuple[float, float]
-    unconverged_steps: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,10 +241,9 @@ def validation_content(
     """Content and arrays ("section/name") of a validation from its sections, of `run_sections`."""
     trials = tuple(TrialRow(
         height_mm=1e3 * walk.trial.offsets.height_m, fore_aft_mm=1e3 * walk.trial.offsets.fore_aft_m,
-        alignment_deg=math.degrees(walk.trial.offsets.alignment_rad), label=walk.label, name=walk.trial.name,
-        file=walk.trial.path.name, role=walk.role, fulcrum_mm=walk.fulcrum_mm, synthetic=walk.trial.synthetic,
-        warnings=" ".join(walk.warnings) or None, window_s=(walk.trial.start_s, walk.trial.end_s),
-        unconverged_steps=walk.result.unconverged_steps) for walk in study.walks)
+        alignment_deg=math.degrees(walk.trial.offsets.alignment_rad), label=walk.label, role=walk.role,
+        fulcrum_mm=walk.fulcrum_mm, synthetic=walk.trial.synthetic, warnings=" ".join(walk.warnings) or None)
+        for walk in study.walks)
     sections = {name: one.section for name, one in finished.items()}
     content = Validation(
         title=f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}", first_line=first_line(study),

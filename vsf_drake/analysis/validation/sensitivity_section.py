@@ -1,8 +1,8 @@
 """Sensitivity of GRF error, centre of pressure and energy return to what one does not know of a walk's model.
 
-Every factor is screened with Morris' elementary effects; the groups of factors, and the strongest single ones, then
-get Sobol indices. The screening walks one trial a condition, a held-out one where there is one, and gives effects on
-the mean of these and by condition. Indices are of the middle condition's trial alone, which allows more points.
+Every factor is screened with Morris' elementary effects; the groups of factors then get Sobol indices. The screening
+walks one trial a condition, a held-out one where there is one, and gives effects on the mean of these. Indices are of
+the middle condition's trial alone, which allows more points.
 """
 
 from __future__ import annotations
@@ -65,12 +65,8 @@ from vsf_drake.simulation.batch.processes import chosen
 from vsf_drake.simulation.variables import Variable
 from vsf_drake.simulation.walk import Walk, Walker
 
-MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")
-"""The outputs by which the strongest factors are chosen: those that the question is about."""
 TRAJECTORIES, QUICK_TRAJECTORIES = 16, 5
-GROUP_SAMPLES, FACTOR_SAMPLES = 512, 256
-STRONGEST = 8
-"""How many single factors get Sobol indices."""
+GROUP_SAMPLES = 512
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,11 +102,9 @@ class OutputRow:
     stability: float | None  # lowest rank correlation of mu* between two conditions
     interaction: float | None  # share of the variance that no index of first order has
     interaction_conf: float | None  # half of its 95 % interval, as if these erred independently
-    explained: float | None  # variance with only the strongest varied over that with all varied
     dropped: int  # trajectories and blocks
     morris: tuple[Effect, ...] | None
     sobol: tuple[Index, ...] | None  # of groups
-    sobol_factors: tuple[Index, ...] | None  # of the strongest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,13 +114,12 @@ class SensitivityTable:
     factors: tuple[FactorRange, ...]
     conditions: tuple[WalkedCondition, ...]
     indexed: int  # the place of the condition that indices and percentiles are of
-    strongest: tuple[str, ...]
     walks: int
     unconverged: int
     failed: int
     first_failure: str
     trajectories: int
-    blocks: tuple[int, int] | None  # Saltelli's, for groups and for single factors
+    blocks: int | None  # Saltelli's
     seed: int
     synthetic: bool
     outputs: Mapping[str, OutputRow]  # by OUTPUTS
@@ -144,28 +137,24 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
         names, middle = [factor.name for factor in factors], len(walked) // 2
         baseline = walks.baseline()
         screen = morris_design(names, QUICK_TRAJECTORIES if quick else TRAJECTORIES, seed)
-        total = len(screen.points) * len(walked) + (0 if quick else (
-            GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2) + FACTOR_SAMPLES * (STRONGEST + 2)))
+        total = len(screen.points) * len(walked) + (
+            0 if quick else GROUP_SAMPLES * (len({factor.group for factor in factors}) + 2))
 
-        def run(design: SamplingDesign, own: Sequence[Factor], what: str, trials: Sequence[int]) -> FactorWalk:
+        def run(design: SamplingDesign, what: str, trials: Sequence[int]) -> FactorWalk:
             done, size = walks.walked - len(walked), len(design.points) * len(trials)
-            return FactorWalk(design, walks(design.points, factors=own, trials=trials, progress=lambda fraction: show(
-                what, min((done + fraction * size) / total, 1.0))))
+            return FactorWalk(design, walks(
+                design.points, factors=factors, trials=trials,
+                progress=lambda fraction: show(what, min((done + fraction * size) / total, 1.0))))
 
-        screened = run(screen, factors, "screening", range(len(walked)))
-        morris = {name: morris_rows(screen, screened.of(i), seed) for i, name in enumerate(OUTPUTS)}
-        strongest = strongest_factors(morris)
-        few = [factor for factor in factors if factor.name in strongest]
+        screened = run(screen, "screening", range(len(walked)))
         grouped = None if quick else run(
-            sobol_design(names, GROUP_SAMPLES, seed + 1, groups=[factor.group for factor in factors]), factors,
+            sobol_design(names, GROUP_SAMPLES, seed + 1, groups=[factor.group for factor in factors]),
             "Sobol indices of groups", [middle])
-        single = None if quick or not few else run(
-            sobol_design([factor.name for factor in few], FACTOR_SAMPLES, seed + 2), few, "Sobol indices of factors",
-            [middle])
+
+    morris = {name: morris_rows(screen, screened.of(i), seed) for i, name in enumerate(OUTPUTS)}
 
     def output_row(i: int, name: str) -> OutputRow:
-        sobol, of_factors = (None if part is None else sobol_rows(part.design, part.of(i), seed)
-                             for part in (grouped, single))
+        sobol = None if grouped is None else sobol_rows(grouped.design, grouped.of(i), seed)
         by_condition = [morris_rows(screen, screened.values[:, t, i], seed) for t in range(len(walked))]
         p05, p50, p95 = percentiles(grouped, i)
         return OutputRow(
@@ -173,18 +162,17 @@ def sensitivity_section(study: Study, *, progress: Progress | None = None) -> Se
             p95=p95, stability=stability([[row.mu_star for row in rows] for rows in by_condition if rows]),
             interaction=None if sobol is None else 1.0 - sum(row.s1 for row in sobol),
             interaction_conf=None if sobol is None else float(np.linalg.norm([row.s1_conf for row in sobol])),
-            explained=explained(grouped, single, i),
-            dropped=sum(dropped(part.design, part.of(i)) for part in (screened, grouped, single) if part is not None),
-            morris=morris[name], sobol=sobol, sobol_factors=of_factors)
+            dropped=sum(dropped(part.design, part.of(i)) for part in (screened, grouped) if part is not None),
+            morris=morris[name], sobol=sobol)
 
     ranges = [one.name for one in dataclasses.fields(FactorRange)]
     table = SensitivityTable(
         factors=tuple(FactorRange(**{key: getattr(factor, key) for key in ranges}) for factor in factors),
         conditions=tuple(WalkedCondition(label=walk.label, fulcrum_mm=walk.fulcrum_mm, role=walk.role)
                          for walk in walked),
-        indexed=middle, strongest=tuple(strongest), walks=walks.walked, unconverged=walks.unconverged,
+        indexed=middle, walks=walks.walked, unconverged=walks.unconverged,
         failed=len(walks.failures), first_failure=next(iter(walks.failures), ""),
-        trajectories=len(screen.points) // screen.block, blocks=None if quick else (GROUP_SAMPLES, FACTOR_SAMPLES),
+        trajectories=len(screen.points) // screen.block, blocks=None if quick else GROUP_SAMPLES,
         seed=seed, synthetic=any(walk.trial.synthetic for walk in walked),
         outputs={name: output_row(i, name) for i, name in enumerate(OUTPUTS)})
     without = [walk.label for walk in walked if not walk.trial.prosthetic_plate.has_cop]
@@ -202,17 +190,6 @@ def chosen_walks(study: Study, *, one: bool = False) -> tuple[StudyWalk, ...]:
         held = [i for i, walk in enumerate(repeats) if walk.role == HELD_OUT] or range(len(repeats))
         chosen_ones.append(repeats[min(held, key=lambda i: abs(i - (len(repeats) - 1) / 2))])
     return (chosen_ones[len(chosen_ones) // 2],) if one else tuple(chosen_ones)
-
-
-def strongest_factors(morris: Mapping[str, Sequence[Effect] | None]) -> list[str]:
-    """The STRONGEST names by their largest share of the largest mu* of any of the MAIN outputs, strongest first."""
-    share: dict[str, float] = {}
-    for output in MAIN:
-        rows = morris[output] or ()
-        most = max((row.mu_star for row in rows), default=0.0)
-        for row in rows if most > 0.0 else ():
-            share[row.name] = max(share.get(row.name, 0.0), row.mu_star / most)
-    return sorted(share, key=lambda name: -share[name])[:STRONGEST]
 
 
 # What is read off the walked designs of the sensitivity study, by output.
@@ -238,14 +215,6 @@ def percentiles(walked: FactorWalk | None, output: int) -> list[float | None]:
     """The 5th, 50th and 95th of an output over the uncertainty; None below two points."""
     y = np.empty(0) if walked is None else walked.independent(output)
     return np.percentile(y, (5, 50, 95)).tolist() if len(y) > 1 else [None] * 3
-
-
-def explained(every: FactorWalk | None, few: FactorWalk | None, output: int) -> float | None:
-    """Variance with a few factors varied over that with every one varied."""
-    if every is None or few is None:
-        return None
-    both = [walked.independent(output) for walked in (every, few)]
-    return float(both[1].var() / both[0].var()) if min(map(len, both)) > 1 and both[0].var() > 0.0 else None
 
 
 def stability(effects: Sequence[Sequence[float]]) -> float | None:

@@ -21,16 +21,8 @@ WALKS, REPLAY, UNFINISHED = "walks", "replay.html", "unfinished"
 NO_FIRST_LINE = "These results do not say whether their data are measured or synthetic."
 
 
-def _renamed(value: Any) -> Any:
-    """With "warnings" for what results of earlier versions call "doubts"."""
-    if isinstance(value, dict):
-        return {"warnings" if name == "doubts" else name: _renamed(item) for name, item in value.items()}
-    return [_renamed(item) for item in value] if isinstance(value, list) else value
-
-
 def _show(table: Content, arrays: Arrays, *, folder: Path, lenient: bool) -> dict[str, Any]:
     """What `page.chapter_page` is to be given; notes of what this version finds wrong come with it."""
-    table = _renamed(table) if lenient else table
     notes = list(table["notes"]) if isinstance(table.get("notes"), list) else []
     if table.get("format") != FORMAT:
         notes.append(f"These results have format {table.get('format', 'unknown')}; this version writes format "

@@ -51,8 +51,8 @@ def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
     """Made of a `sensitivity_section` alone; `arrays` is empty."""
     rows = table.outputs
     screened = [name for name in MAIN if rows[name].morris]
-    by_kind = _indices(table)
-    indices = [(OUTPUTS[name], own) for _, by_output in by_kind for name, own in by_output.items()]
+    by_output = _indices(table)
+    indices = [(OUTPUTS[name], own) for name, own in by_output.items()]
     stable = [(known, OUTPUTS[name].name) for name in screened if (known := rows[name].stability) is not None]
     facts = {**vars(table), "screened": bool(screened), "most": MOST,
              "label": table.conditions[table.indexed].label,  # of the trial of indices and percentiles
@@ -62,11 +62,8 @@ def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
              "indices": [(output, _largest(own)[:2]) for output, own in indices],
              "interactions": [(OUTPUTS[name], row.interaction, row.interaction_conf) for name in MAIN
                               if (row := rows[name]).interaction is not None],
-             "explained_by_few": [(OUTPUTS[name], share) for name in MAIN
-                                  if (share := rows[name].explained) is not None],
              "wide": [(row, output) for output, own in indices for row in own if 2.0 * row.st_conf > row.st],
              "first_order_wide": [2.0 * row.s1_conf > row.s1 for _, own in indices for row in own],
-             "index_tables": [_index_table(kind, by_output) for kind, by_output in by_kind if by_output],
              "output_rows": [_output_row(name, row) for name, row in rows.items()],
              "drops": [(OUTPUTS[name], row.dropped) for name, row in rows.items() if row.dropped]}
     figures = {}
@@ -74,15 +71,15 @@ def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
         facts |= _screening_table(table, screened)
         figures["sensitivity_screening"] = screening_figure(table)
     if indices:
+        facts |= _index_table(by_output)
         figures["sensitivity_indices"] = indices_figure(table)
     return Chapter(name="sensitivity", title="Sensitivity", template="validation/sensitivity.html.j2", facts=facts,
                    figures=figures)
 
 
-def _indices(table: SensitivityTable) -> list[tuple[str, dict[str, Sequence[Index]]]]:
-    """What indices are of, and their rows by those of the MAIN outputs that have any."""
-    return [(kind, {name: rows for name in MAIN if (rows := getattr(table.outputs[name], key))})
-            for kind, key in (("group", "sobol"), ("factor", "sobol_factors"))]
+def _indices(table: SensitivityTable) -> dict[str, Sequence[Index]]:
+    """Rows of the groups by those of the MAIN outputs that have any."""
+    return {name: rows for name in MAIN if (rows := table.outputs[name].sobol)}
 
 
 def _strongest(rows: Sequence[Effect]) -> list[Effect]:
@@ -119,42 +116,33 @@ def _screening_table(table: SensitivityTable, screened: Sequence[str]) -> dict[s
             "screening_rows": [rows[one.name] for one in _strongest(table.outputs[screened[0]].morris or ())]}
 
 
-def _index_table(kind: str, by_output: Mapping[str, Sequence[Index]]) -> tuple[Any, ...]:
-    """Name, kind, rows and columns of the indices of groups or of factors for the main outputs."""
+def _index_table(by_output: Mapping[str, Sequence[Index]]) -> dict[str, Any]:
+    """The indices of groups for the main outputs."""
     indices = {name: {row.name: row for row in own} for name, own in by_output.items()}
     rows = [{"name": one.name, **{f"{name}_{part}": getattr(own[one.name], part) for name, own in indices.items()
                                   for part in ("s1", "s1_conf", "st", "st_conf")}}
             for one in _largest(next(iter(by_output.values())))]
-    columns = [("name", kind), *((f"{name}_{part}", heading, "{:.2f}") for name in indices for part, heading in (
+    columns = [("name", "group"), *((f"{name}_{part}", heading, "{:.2f}") for name in indices for part, heading in (
         ("s1", f"{OUTPUTS[name].name}: first order"), ("s1_conf", "±"), ("st", "total"), ("st_conf", "±")))]
-    return f"sensitivity_{kind}_indices", kind, rows, columns
+    return {"index_rows": rows, "index_columns": columns}
 
 
 def indices_figure(table: SensitivityTable) -> Figure:
-    """First-order and total indices: a row of panels for groups, one for single factors; outputs side by side.
-
-    Of groups or of factors at least one main output must have rows.
-    """
-    blocks = [(kind, by_output) for kind, by_output in _indices(table) if by_output]
-    across = max(len(by_output) for _, by_output in blocks)
-    of = {row.name: row.group for row in table.factors}
-    with drawing(11.0 if across > 1 else 6.5, 0.9 + 3.1 * len(blocks)) as figure:
-        panels = figure.subplots(len(blocks), across, squeeze=False)
-        for line, (kind, by_output) in zip(panels, blocks, strict=True):
-            for axes, (name, own) in zip(line, by_output.items(), strict=False):
-                rows = _largest(own)
-                for place, row in enumerate(rows):
-                    first, total = place - _HEIGHT / 2, place + _HEIGHT / 2
-                    look = _look(of[row.name] if kind == "factor" else row.name)
-                    axes.barh(first, max(row.s1, 0.0), height=_HEIGHT, **look)
-                    axes.barh(total, row.st, height=_HEIGHT, facecolor="white", edgecolor="black", linewidth=0.9)
-                    for index, half, at in ((row.s1, row.s1_conf, first), (row.st, row.st_conf, total)):
-                        ends = [max(index + sign * half, 0.0) for sign in (-1.0, 1.0)]
-                        axes.plot(ends, [at, at], color="black", linewidth=1.0, clip_on=False)
-                _name_bars(axes, rows)
-                label(axes, x="share of the variance (1)", y=kind, title=OUTPUTS[name].name)
-            for axes in line[len(by_output):]:
-                axes.set_axis_off()
+    """First-order and total indices of groups, outputs side by side; at least one main output must have rows."""
+    by_output = _indices(table)
+    with drawing(11.0 if len(by_output) > 1 else 6.5, 4.0) as figure:
+        for axes, (name, own) in zip(figure.subplots(1, len(by_output), squeeze=False)[0], by_output.items(),
+                                     strict=True):
+            rows = _largest(own)
+            for place, row in enumerate(rows):
+                first, total = place - _HEIGHT / 2, place + _HEIGHT / 2
+                axes.barh(first, max(row.s1, 0.0), height=_HEIGHT, **_look(row.name))
+                axes.barh(total, row.st, height=_HEIGHT, facecolor="white", edgecolor="black", linewidth=0.9)
+                for index, half, at in ((row.s1, row.s1_conf, first), (row.st, row.st_conf, total)):
+                    ends = [max(index + sign * half, 0.0) for sign in (-1.0, 1.0)]
+                    axes.plot(ends, [at, at], color="black", linewidth=1.0, clip_on=False)
+            _name_bars(axes, rows)
+            label(axes, x="share of the variance (1)", y="group", title=OUTPUTS[name].name)
         handles = [Patch(facecolor="0.6", edgecolor="black", linewidth=0.5, label="first order: alone (coloured)"),
                    Patch(facecolor="white", edgecolor="black", linewidth=0.9, label="total: with all interactions"),
                    *(Patch(label=group, **_look(group)) for group in GROUPS)]
