@@ -10,6 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from scipy.optimize import least_squares
 
 from vsf_drake.analysis import inverse_kinematics as ik
+from vsf_drake.errors import InputError
 from vsf_drake.motion.markers.joints import COORDINATES
 from vsf_drake.parameters import ModelParameters
 from vsf_drake.plants.person import add_person
@@ -106,3 +107,9 @@ def test_joints_stop_at_their_limits_and_the_notes_say_so():
     np.testing.assert_allclose(motion.values[:, KNEE], np.radians(-40.0), atol=1e-5)
     notes = say("import", "inverse_kinematics", rms_m=0.01, worst="RTHI", worst_m=0.02, at_limit=at_limit)
     assert notes[1:] == ["knee_angle_r lies at the limit of inverse kinematics."]
+
+
+def test_a_failed_frame_is_refused(monkeypatch):
+    monkeypatch.setattr(ik, "MOST_EVALUATIONS", 1)
+    with pytest.raises(InputError, match=r"failed at 0\.000 s"):
+        solve(made(noise=0.01))

@@ -54,6 +54,7 @@ def test_foot_that_lands_on_the_plate_of_the_other_makes_it_unusable():
     result = assign(plate("1", step_load("right", 0), load(start, (x, y), newton=400.0), corners=corners),
                     plate("R1", step_load("right", 1)))
     assert all(c.side is None for c in result.contacts if c.plate == "1")
+    assert all(any(a < start + 0.1 < b for a, b in result.unmeasured[side]) for side in ("right", "left"))
 
 
 def test_foot_that_stands_on_the_plate_too_shares_it_unless_a_plate_of_its_own_carries_it():
