@@ -89,8 +89,8 @@ def test_a_noisy_curve_becomes_the_nearest_that_rises_and_is_cut_between_its_sam
     np.testing.assert_allclose(rising(x, load)[1], [0.0, 1.5, 1.5, 3.0, 4.0])
     np.testing.assert_array_equal(rising(x, np.sort(load))[1], np.sort(load))
     np.testing.assert_allclose(at_loads(*rising(x, load), [0.75, 2.25, 5.0]), [0.5, 2.5, np.nan])
-    x, load = up_to(np.array([0.0, 1.0, 2.0]), np.array([0.0, 10.0, 30.0]), 15.0)
-    np.testing.assert_allclose([x, load], [[0.0, 1.0, 1.25], [0.0, 10.0, 15.0]])
+    x, load = up_to(np.array([0.0, 1.0, 1.4, 2.0]), np.array([0.0, 10.0, 14.0, 30.0]), 15.0)
+    np.testing.assert_allclose([x, load], [[0.0, 1.0, 1.4, 1.4375], [0.0, 10.0, 14.0, 15.0]])
 
 
 def test_a_spring_is_straight_and_one_that_hardens_leaves_its_chord():

@@ -30,7 +30,6 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.parameters import GRAVITY
-from vsf_drake.plants.foot import mount_pose, sole_height
 from vsf_drake.simulation.roll_over import RollOver
 
 
@@ -254,18 +253,6 @@ def test_model_and_virtual_laboratory_agree_on_the_moment_arm():
         assert np.all(np.diff([getattr(row, side).mean_moment_arm_m for row in rows]) > 0.0)
     for row in rows:
         assert row.model.mean_moment_arm_m == pytest.approx(row.measured.mean_moment_arm_m, abs=5e-3)
-
-
-def test_foot_that_rolls_to_its_very_toe_has_the_effective_length_of_the_foot(walk):
-    """The ratio is of two lengths from one heel: a shape whose front end is the foot's toe gives 1."""
-    heel, foot = _shank(walk)[1], walk.trial.model.foot
-    p_KT = [foot.heel_x_m + foot.length_m, 0.0, sole_height(foot)]
-    offsets = walk.trial.offsets
-    pose = mount_pose(foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m, alignment=offsets.alignment_rad)
-    toe = pose.inverse() @ p_KT  # seen from the unloaded mount
-    found = described(np.array([[0.0, -0.1], [toe[0], -0.1]]), heel_m=heel, foot_length_m=foot.length_m, arm_m=None)
-    assert found.effective_foot_length_ratio == pytest.approx(np.cos(offsets.alignment_rad), abs=1e-9)
-    assert foot.heel_x_m < 0.0 < foot.heel_x_m + foot.length_m - sum(foot.keel.element_lengths_m)
 
 
 def test_a_free_moment_counts_as_the_two_forces_that_make_it():
