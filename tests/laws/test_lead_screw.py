@@ -49,12 +49,11 @@ def test_a_screw_that_locks_itself_is_less_than_half_efficient_and_must_be_drive
         law.driving_efficiency(2.0, 0.6)
 
 
-def test_motor_draws_stall_current_at_rest_and_none_at_the_ideal_speed_of_its_voltage():
-    assert law.motor_current(6.0, 0.0, torque_constant=7e-3, resistance=3.0) == pytest.approx(2.0)
-    voltage = law.limited_voltage(100.0, 0.05, lead=LEAD, gear_ratio=3.0, torque_constant=7e-3)
+def test_limited_voltage_is_that_of_the_speed_limit_without_load_or_the_supplys():
+    motor = {"lead": LEAD, "gear_ratio": 3.0, "torque_constant": 7e-3}
     rotor = 3.0 * 2.0 * math.pi / LEAD * 0.05  # rad/s at the limit: three turns of it make one of the screw
-    assert law.motor_current(voltage, rotor, torque_constant=7e-3, resistance=3.0) == pytest.approx(0.0, abs=1e-12)
-    assert law.limited_voltage(2.0, 0.05, lead=LEAD, gear_ratio=3.0, torque_constant=7e-3) == 2.0
+    assert law.limited_voltage(100.0, 0.05, **motor) == pytest.approx(7e-3 * rotor, rel=1e-12)
+    assert law.limited_voltage(2.0, 0.05, **motor) == 2.0
 
 
 def test_motion_satisfies_both_equations_and_friction_takes_energy():

@@ -121,22 +121,6 @@ def test_springs_of_the_file_are_left_out_of_the_wired_forces_and_those_it_lacks
     np.testing.assert_array_equal(foot.joint_damping, 0.0 if springs else known.joint_damping)
 
 
-def test_foot_of_a_model_within_a_namespace_is_found_and_wired(tmp_path):
-    builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", MultibodyPlant(0.0))
-    (tmp_path / "robot.dmd.yaml").write_text(
-        "directives:\n- add_model_instance: {name: robot}\n"
-        f"- add_directives: {{file: '{FOOT_UNDER_LEG}', model_namespace: robot}}\n", encoding="utf-8")
-    parser = Parser(plant)
-    add_model_package(parser)
-    parser.AddModels(str(tmp_path / "robot.dmd.yaml"))
-    plant.Finalize()
-    foot = find_foot(plant, "robot::vsf", FOOT)
-    assert foot.name == "robot::vsf"
-    assert wire_foot(builder, plant, foot).forces is not None
-    builder.Build()
-
-
 @pytest.fixture
 def with_floor():
     """(builder, plant, scene_graph): the SDF's foot over a floor, its mount a little lower than it stands."""

@@ -47,11 +47,6 @@ def returning_efficiency(tangent: Values, friction: Values) -> Values:
     return (tangent - friction) / (tangent * (1.0 + friction * tangent))
 
 
-def motor_current(voltage: Values, speed: Values, *, torque_constant: Values, resistance: Values) -> Values:
-    """(voltage - torque constant · speed) / resistance (A); speed of the rotor in rad/s."""
-    return (voltage - torque_constant * speed) / resistance
-
-
 def servo_voltage(error: Values, *, limit: Values, band: Values, tolerance: Values) -> Values:
     """Voltage limit · tanh(e / band), e the error (m) beyond the tolerance, zero within it."""
     beyond = error - tolerance if error > tolerance else error + tolerance if error < -tolerance else 0.0 * error

@@ -246,8 +246,7 @@ class FulcrumActuator(System):
             torque_constant=c["torque_constant_n_m_per_a"])
         voltage = self._value(context, "enabled")[0] * law.servo_voltage(
             self._position_error(context)[0], limit=limit, band=c["servo_band_m"], tolerance=c["tolerance_m"])
-        current = law.motor_current(voltage, speed, torque_constant=c["torque_constant_n_m_per_a"],
-                                    resistance=c["winding_resistance_ohm"])
+        current = (voltage - c["torque_constant_n_m_per_a"] * speed) / c["winding_resistance_ohm"]
 
         # Screw and carriage together, everything as force and mass at the carriage
         tangent, friction = law.thread(*(c[name] for name in THREAD))
