@@ -9,6 +9,7 @@ import sys
 from types import ModuleType
 from typing import Any
 
+import port_text
 from docutils import nodes
 from pydrake.systems.scalar_conversion import TemplateSystem
 from sphinx import addnodes
@@ -82,6 +83,9 @@ def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[
     if what in ("data", "attribute", "property"):
         lines[:0] = ["..", ""]  # a comment: else napoleon takes what stands before a colon in the first line for a type
     if what == "class":
+        if port_text.port_block(obj.__doc__):
+            at = next(i for i, line in enumerate(lines) if line.startswith(("Inputs:", "Outputs:")))
+            lines[at:at] = ["", f".. port-block:: {obj.__module__}.{obj.__name__}", ""]
         module = inspect.getmodule(obj)
         template = getattr(module, f"{obj.__name__}_", None)
         if isinstance(template, TemplateSystem):

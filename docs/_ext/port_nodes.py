@@ -15,25 +15,23 @@ from sphinx import addnodes
 from sphinx.util.docutils import SphinxDirective
 
 
-class PydrakeSystem(Directive):
-    """`.. pydrake_system::`: a block with input ports on its left and output ports on its right."""
+class Ports(Directive):
+    """`port-block` with the path of a class: input ports on its left and output ports on its right."""
 
-    has_content = True
+    required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        try:
-            block = port_text.block_from_yaml("\n".join(self.content))
-        except ValueError as error:
-            raise self.error(str(error)) from None
-        return [drawn(block)]
+        path = self.arguments[0]
+        block = port_text.port_block(_load(path).__doc__)
+        return [drawn(path.rsplit(".", 1)[1], block)] if block else []
 
 
-def drawn(block: port_text.PortBlock) -> nodes.container:
+def drawn(name: str, block: port_text.PortBlock) -> nodes.container:
     """The block as nodes; `ports.css` draws it."""
     system = nodes.container(classes=["port-block"])
     for side, names in (("inputs", block.inputs), (None, ()), ("outputs", block.outputs)):
         if side is None:
-            system += nodes.container("", nodes.paragraph("", block.name), classes=["port-system"])
+            system += nodes.container("", nodes.paragraph("", name), classes=["port-system"])
             continue
         items = [nodes.list_item("", nodes.paragraph("", "", nodes.literal("", name))) for name in names]
         column = nodes.container(classes=[f"port-{side}"])
@@ -62,7 +60,7 @@ def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> nodes.contai
 def _sides(docstring: str | None) -> list[tuple[str, dict[str, port_text.Port], tuple[str, ...]]]:
     block = port_text.port_block(docstring)
     if block is None:
-        raise ValueError("the docstring has no .. pydrake_system:: block")
+        raise ValueError("the docstring has no section Outputs:")
     texts = port_text.sections(docstring)
     return [(side, port_text.ports(texts.get(side, ""), names), names)
             for side, names in (("Inputs", block.inputs), ("Outputs", block.outputs)) if names]
@@ -115,5 +113,5 @@ class AllSystems(SphinxDirective):
                 link = addnodes.pending_xref(
                     "", nodes.literal("", shown), refdomain="py", reftype="class", refwarn=True,
                     reftarget=f"{module.__name__}.{shown}", refdoc=self.env.docname)
-                found += [nodes.paragraph("", "", link), drawn(block)]
+                found += [nodes.paragraph("", "", link), drawn(shown, block)]
         return found

@@ -1,17 +1,9 @@
-"""Reads what a docstring says of a system: its port block, the sizes and meanings of its ports, its parameters.
+"""Reads what a docstring says of a system: its ports, their sizes and meanings, its parameters.
 
 Used by the documentation, which shows it, and by the tests, which compare it with the ports that the system declares.
 A docstring says it so:
 
-    .. pydrake_system::
-
-        name: KelvinVoigtContact
-        input_ports:
-        - body_poses
-        output_ports:
-        - normal_force
-
-    Inputs: body_poses, of all bodies. Outputs: normal_force (N,) N, >= 0.
+    Inputs: body_poses, of all bodies. Outputs: normal_force (N,) N, >= 0; depth (N,) m.
 
     Parameters in the Context: stiffness, exponent. A scalar stands for N equal values.
 
@@ -26,8 +18,6 @@ import inspect
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-
-import yaml
 
 _HEADERS = "Inputs|Outputs|Wiring|Args|Parameters in the Context|Raises|Returns|Attributes|Example|Source|Validity"
 _SECTION = re.compile(rf"(?:^|(?<=[.\s]))({_HEADERS}):")
@@ -44,44 +34,23 @@ class Port:
 
 @dataclass(frozen=True)
 class PortBlock:
-    """The `.. pydrake_system::` block."""
+    """Names of a system's ports, in their order."""
 
-    name: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
 
 
-def block_from_yaml(text: str) -> PortBlock:
-    """The block with the YAML `text`.
-
-    Raises:
-        ValueError: a key is missing or unknown.
-    """
-    content = yaml.safe_load(text) or {}
-    unknown = set(content) - {"name", "input_ports", "output_ports"}
-    if unknown or not content.get("name"):
-        raise ValueError(f"a port block has name, input_ports and output_ports, not {sorted(content)}")
-    names = (tuple(_plain(name) for name in content.get(key) or ()) for key in ("input_ports", "output_ports"))
-    return PortBlock(content["name"], *names)
-
-
-def _plain(name: object) -> str:
-    """A port's name without what Drake's own documentation adds, such as `(optional)`."""
-    return re.sub(r"\s*\(.*\)$", "", str(name))
-
-
 def port_block(docstring: str | None) -> PortBlock | None:
-    """The docstring's block, or None."""
-    lines = inspect.cleandoc(docstring or "").splitlines()
-    starts = [i for i, line in enumerate(lines) if line.strip() == ".. pydrake_system::"]
-    if not starts:
-        return None
-    body = []
-    for line in lines[starts[0] + 1:]:
-        if line.strip() and not line.startswith(" "):
-            break
-        body.append(line)
-    return block_from_yaml(inspect.cleandoc("\n".join(body)))
+    """What the sections `Inputs` and `Outputs` list, or None without them."""
+    texts = sections(docstring)
+    return PortBlock(_listed(texts.get("Inputs", "")), _listed(texts["Outputs"])) if "Outputs" in texts else None
+
+
+def _listed(text: str) -> tuple[str, ...]:
+    """Names at the beginning of the parts of the first sentence, which semicolons separate; two may share a part."""
+    parts = re.split(r";(?![^\[\]]*\])", re.split(r"\.(?=\s|$)", text)[0])
+    return tuple(name for part in parts if part.strip()
+                 for name in re.findall(r"^\s*\w+(?: and \w+)?", part)[0].strip().split(" and "))
 
 
 def sections(docstring: str | None) -> dict[str, str]:

@@ -22,7 +22,7 @@ def setup(app: Any) -> dict[str, Any]:
     app.connect("autodoc-process-docstring", docstrings.process, priority=400)  # napoleon's is 500
     app.connect("autodoc-skip-member", docstrings.skip)
     app.add_role("name", docstrings.role)
-    app.add_directive("pydrake_system", port_nodes.PydrakeSystem)
+    app.add_directive("port-block", port_nodes.Ports)
     app.add_directive("system-ports", port_nodes.SystemPorts)
     app.add_directive("diagram-ports", port_nodes.DiagramPorts)
     app.add_directive("all-systems", port_nodes.AllSystems)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import re
 import weakref
 
 import built_diagrams
@@ -164,8 +163,7 @@ def test_port_blocks_and_docstrings_say_what_is_declared():
     systems |= {cls: built_diagrams.build(cls).diagram for cls in public_diagrams() - IN_A_TABLE}
     for cls, system in systems.items():
         block, name = port_text.port_block(cls.__doc__), cls.__name__
-        assert block is not None, f"{name} has no .. pydrake_system:: block"
-        assert re.match(rf"{block.name}(\b|_|Diagram)", name)
+        assert block is not None, f"{name} has no Outputs:"
         ports = {"Inputs": [system.get_input_port(i) for i in range(system.num_input_ports())],
                  "Outputs": [system.get_output_port(i) for i in range(system.num_output_ports())]}
         assert list(block.inputs) == [port.get_name() for port in ports["Inputs"]], name

@@ -28,12 +28,6 @@ from vsf_drake.systems.foot_forces import FootForces
 class BenchDiagram:
     """A finished bench.
 
-    .. pydrake_system::
-
-        name: Bench
-        input_ports: [fulcrum_position, platen]
-        output_ports: [load, depth, state, support_force]
-
     Inputs: fulcrum_position (1, m from A); platen (2, height in W in m and velocity in m/s).
     Outputs: load (1, N on the platen); depth (sites, m); state (nq + nv, [q; v] of the plant); support_force (1, N of
     the fulcrum on the keel along z_K).
@@ -131,12 +125,6 @@ _SERVO_INERTIA = 0.5
 @dataclass(frozen=True)
 class RollOverDiagram:
     """A finished machine.
-
-    .. pydrake_system::
-
-        name: RollOver
-        input_ports: [fulcrum_position, desired_state]
-        output_ports: [grf, cop, free_moment, normal_force, depth, friction_force, state]
 
     Inputs: fulcrum_position (1, m from A); desired_state (6: MOUNT_COORDINATES, then their rates).
     Outputs: grf (3, N in W, on the foot); cop (3, m in W); free_moment (1, N m about +z_W, on the foot); normal_force

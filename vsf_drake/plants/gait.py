@@ -27,21 +27,13 @@ SERVO_INERTIA_FLOOR = 0.5
 class GaitDiagram:
     """A finished person on a ground.
 
-    .. pydrake_system::
-
-        name: Gait
-        input_ports: [fulcrum_position, desired_state]
-        output_ports: [grf, cop, free_moment, normal_force, depth, friction_force, intact_grf, intact_cop,
-          intact_free_moment, intact_normal_force, intact_depth, intact_friction_force, state, support_force,
-          joint_moment, socket_wrench, driver_force]
-
     Inputs: fulcrum_position (1, m from A); desired_state (2 p: positions, then velocities of the prescribed
     coordinates).
     Outputs: grf (3, N in W, on the prosthetic foot); cop (3, m in W); free_moment (1, N m about the mean normal, on
-    the foot); normal_force (N, N); depth (N, m); friction_force (3 N, N in W), of its N spheres; the same of the
-    intact foot: intact_grf (3, N in W); intact_cop (3, m in W); intact_free_moment (1, N m); intact_normal_force (I,
-    N); intact_depth (I, m); intact_friction_force (3 I, N in W), of its I spheres; state (nq + nv, [q; v] of the
-    plant); support_force (1, N of the fulcrum on the keel along z_K); joint_moment (m, N m of the keel's springs and
+    the foot); normal_force (N, N); depth (N, m); friction_force (3 N, N in W), of its N spheres; intact_grf (3, N
+    in W, on the intact foot); intact_cop (3, m in W); intact_free_moment (1, N m); intact_normal_force (I, N);
+    intact_depth (I, m); intact_friction_force (3 I, N in W), of its I spheres; state (nq + nv, [q; v] of the plant);
+    support_force (1, N of the fulcrum on the keel along z_K); joint_moment (m, N m of the keel's springs and
     dampers); socket_wrench (6, N and N m, see `SocketBushing`); driver_force (nv, N or N m of the servos).
     """
 

@@ -64,12 +64,6 @@ class KelvinVoigtContact(_AtSites):
     The law is `vsf_drake.laws.kelvin_voigt.normal_force` with depth = ground height + radius - z_S and depth rate =
     -v_Sz of the sphere centre S. The force acts along +z_W at the contact point C, a radius below S.
 
-    .. pydrake_system::
-
-        name: KelvinVoigtContact
-        input_ports: [body_poses, body_spatial_velocities]
-        output_ports: [normal_force, depth, depth_rate, spatial_forces]
-
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: normal_force (N,) N, >= 0;
     depth (N,) m; depth_rate (N,) m/s, also without contact; spatial_forces, one per body.
 
@@ -116,12 +110,6 @@ class StickSlipFriction(_AtSites):
     The law is `vsf_drake.laws.stick_slip.friction_force`. The slip is the horizontal velocity of the point C that is
     fixed to the body, one full radius (not radius less depth) below the sphere centre S: (v_Sx - w_y radius, v_Sy + w_x
     radius). The force acts at C.
-
-    .. pydrake_system::
-
-        name: StickSlipFriction
-        input_ports: [body_poses, body_spatial_velocities, normal_force]
-        output_ports: [friction_force, spatial_forces]
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; normal_force (N,) N, of a
     `KelvinVoigtContact` with the same sites. Outputs: friction_force (3 N,), N rows (fx, fy, 0) in W, N, on the
@@ -173,15 +161,9 @@ class GroundReaction(_AtSites):
     cop differs from the force-weighted mean Σ N_i C_i / Σ N_i of McGeehan 2021 (doi 10.1115/1.4050456), eq. 4, by at
     most the friction coefficient times the largest depth.
 
-    .. pydrake_system::
-
-        name: GroundReaction
-        input_ports: [body_poses, normal_force, friction_force]
-        output_ports: [grf, cop, free_moment]
-
     Inputs: body_poses, of all bodies of the plant; normal_force (N,) N, of `KelvinVoigtContact`; friction_force (3 N,),
-    N rows (fx, fy, 0) in W, of `StickSlipFriction`; of one foot's own sites. Outputs: grf (3,) N in W, on the model;
-    cop (3,) m in W; free_moment (1,) N m about +z_W, on the model. Without load all three are zero.
+    N rows (fx, fy, 0) in W, of `StickSlipFriction`, both of one foot's own sites. Outputs: grf (3,) N in W, on the
+    model; cop (3,) m in W; free_moment (1,) N m about +z_W, on the model. Without load all three are zero.
 
     Args:
         body_indices: of each sphere's body.
@@ -217,12 +199,6 @@ class DrakeReaction(System):
     size of the forces: on level ground its surface; on a slope cop is where the force crosses that plane.
 
     In a plant with a time step contact results are those of the last step, so before the first all is zero.
-
-    .. pydrake_system::
-
-        name: DrakeReaction
-        input_ports: [contact_results]
-        output_ports: [grf, cop, free_moment]
 
     Inputs: contact_results, of the plant (`wire_foot` connects it). Outputs: grf (3,) N in W, on the foot; cop (3,) m
     in W; free_moment (1,) N m about +z_W, on the foot. Without load all three are zero.
@@ -290,12 +266,6 @@ class TestingMachine(_AtSites):
     the same material point however far the foot bends, as the sphere-to-sphere contact of McGeehan 2021 (doi
     10.1115/1.4050456). Radii are part of the platen's height z_p: depth = z_p - z_S, depth rate = v_p - v_Sz, the law
     is `vsf_drake.laws.kelvin_voigt.normal_force`, and the force acts along +z_W at S.
-
-    .. pydrake_system::
-
-        name: TestingMachine
-        input_ports: [body_poses, body_spatial_velocities, platen]
-        output_ports: [load, depth, spatial_forces]
 
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; platen (2,), height (m in W) and
     velocity (m/s, up). Outputs: load (1,) N, sum over the sites; depth (N,) m; spatial_forces, one per body.

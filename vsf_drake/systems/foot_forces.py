@@ -44,13 +44,6 @@ class FootForces(System):
     against n. The centre of pressure is the point about which the moment has no component across the mean normal, in
     the plane through the mean contact point; for a level ground that is what `GroundReaction` computes.
 
-    .. pydrake_system::
-
-        name: FootForces
-        input_ports: [body_poses, body_spatial_velocities, state, fulcrum_position]
-        output_ports: [spatial_forces, generalized_force, support_force, joint_moment, grf, cop, free_moment,
-          normal_force, depth, depth_rate, friction_force]
-
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; state (num_positions + num_velocities,),
     [q; v] of the plant; fulcrum_position (1,) m from the keel's posterior end A, where it is not connected the
     parameter fulcrum_m holds. Outputs: spatial_forces on F; generalized_force (num_velocities,), zero outside keel and

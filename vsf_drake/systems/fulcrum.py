@@ -33,12 +33,6 @@ class FulcrumSupport(System):
     frame begins, its joint, about which the force then has no moment: everything is continuous as the fulcrum passes a
     joint. Sliding it under load takes work, which is the carriage's: no force for it acts here.
 
-    .. pydrake_system::
-
-        name: FulcrumSupport
-        input_ports: [body_poses, body_spatial_velocities, fulcrum_position]
-        output_ports: [spatial_forces, support_force]
-
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant; fulcrum_position (1,) m from A, of a
     source or the carriage's coordinate. Outputs: spatial_forces on the keel body that holds P and on F; support_force
     (1,) N on the keel along z_K, negative while the ground bends the toe up.
@@ -101,13 +95,7 @@ class FulcrumCommand(System):
     For a foot in a plant with a time step, whose springs and carriage are PD-controlled actuators of its model
     instance: q_d = 0 in the keel's joints, the fulcrum position in the carriage, v_d = 0.
 
-    .. pydrake_system::
-
-        name: FulcrumCommand
-        input_ports: [fulcrum_position]
-        output_ports: [desired_state, position]
-
-    Inputs: fulcrum_position (1,) m from A; where it is not connected the parameter fulcrum_m holds. Outputs:
+    Inputs: fulcrum_position (1,) m from A, where it is not connected the parameter fulcrum_m. Outputs:
     desired_state (2 num_actuators,), [q_d; v_d], for MultibodyPlant's port of that name of the foot's instance, as
     `wire_foot` connects it; position (1,) m, that fulcrum position.
 
@@ -164,15 +152,9 @@ class FulcrumActuator(System):
     nothing is fed back into the battery; work, of the screw on the carriage; losses, in winding, motor, gear and thread
     and what the driver burns of V i < 0. At any time energy = kinetic energy of rotor and screw + work + losses.
 
-    .. pydrake_system::
-
-        name: FulcrumActuator
-        input_ports: [desired_position, enabled, support_force, axial_load]
-        output_ports: [fulcrum_position, carriage_velocity, motor_current, energy, work, losses, position_error]
-
     Inputs: desired_position (1,) m from A; enabled (1,) 0 or 1; support_force (1,) N between keel and fulcrum, of
     either sign; axial_load (1,) N on the carriage along +x, need not be connected and is then zero. Outputs:
-    fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,), work (1,) and losses
+    fulcrum_position (1,) m from A; carriage_velocity (1,) m/s; motor_current (1,) A; energy (1,) J; work (1,) J; losses
     (1,) J; position_error (1,) m, desired (within the travel) less actual. Position, velocity and energies are states,
     without feedthrough. `plants.add_fulcrum_drive` wires it.
 

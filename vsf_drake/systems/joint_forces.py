@@ -45,12 +45,6 @@ class KeelElasticity(_JointForces):
     A lumped-parameter beam: a joint in the middle of each element with stiffness E I / L_element and damping
     proportional to it (MathWorks, Flexible Beam, lumped-parameter method; McGeehan 2021, doi 10.1115/1.4050456).
 
-    .. pydrake_system::
-
-        name: KeelElasticity
-        input_ports: [state]
-        output_ports: [generalized_force, joint_moment]
-
     Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom. Outputs:
     generalized_force (num_velocities,), zero outside the m; joint_moment (m,) N m.
 
@@ -79,12 +73,6 @@ class SocketBushing(_JointForces):
 
     The law of each axis is `vsf_drake.laws.bushing.axis_force`. The socket hangs on the limb by six joints of one
     degree of freedom, so that limb and socket feel equal and opposite actions.
-
-    .. pydrake_system::
-
-        name: SocketBushing
-        input_ports: [state]
-        output_ports: [generalized_force, wrench]
 
     Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom. Outputs:
     generalized_force (num_velocities,), zero outside the six; wrench (6,), on the socket along tx, ty, tz (N) and about
@@ -119,12 +107,6 @@ class SocketBushing(_JointForces):
 class GaitDriver(_JointForces):
     """Proportional-derivative servo on p joints, which drives them along a recorded motion under Drake's Simulator:
     position_gain (q_d - q) + velocity_gain (v_d - v).
-
-    .. pydrake_system::
-
-        name: GaitDriver
-        input_ports: [state, desired_state]
-        output_ports: [generalized_force, tracking_error]
 
     Inputs: state (2 num_velocities,), [q; v] of the plant, every joint of one degree of freedom; desired_state (2 p,),
     [q_d; v_d]. Outputs: generalized_force (num_velocities,), zero outside the p; tracking_error (p,), q_d - q, rad or

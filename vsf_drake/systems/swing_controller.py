@@ -34,12 +34,6 @@ class SwingController(System):
     The sign must last for the debounce time before the phase is swing; stance follows at the next sample and lasts for
     least_stance, for a heel may bounce. A signal that is not a number counts as stance. All thresholds are choices.
 
-    .. pydrake_system::
-
-        name: SwingController
-        input_ports: [desired_position, grf, shank_angle]
-        output_ports: [enabled, phase, commanded_position]
-
     Inputs: desired_position (1,) m from A, read at the onset of swing; grf (3,) N on the foot, z_W up; shank_angle (2,)
     rad and rad/s, leaning forward positive, of `ShankAngle`. Of grf and shank_angle only those that the signal needs
     are read. Outputs: enabled (1,), 1 in swing, else 0; phase (1,), 0 stance, 1 unloaded but not confirmed, 2 swing;
@@ -126,12 +120,6 @@ class ShankAngle(System):
     ahead its rate is the gyroscope's signal about y_B. B has x forward, y left and z up along the shank. Not defined
     with B's x-z plane level (a shank lying on its side).
 
-    .. pydrake_system::
-
-        name: ShankAngle
-        input_ports: [body_poses, body_spatial_velocities]
-        output_ports: [shank_angle]
-
     Inputs: body_poses and body_spatial_velocities, of all bodies of the plant. Outputs: shank_angle (2,), angle in rad
     within (-pi, pi] and rate in rad/s, for `SwingController`.
 
@@ -162,15 +150,9 @@ class AdjustmentRecorder(System):
     error within: it may take several swings, and a new desired position in between prolongs it. Its energy is what the
     supply gave, from the sample before the one that first sees the motor enabled: the inrush is in it.
 
-    .. pydrake_system::
-
-        name: AdjustmentRecorder
-        input_ports: [enabled, energy, position_error]
-        output_ports: [adjustments, adjustment_energy, adjustment_swings]
-
-    Inputs: enabled (1,) 0 or 1, of `SwingController`; energy (1,) J and position_error (1,) m, of `FulcrumActuator`.
-    Outputs: adjustments (1,), how many have ended; adjustment_energy (1,) J and adjustment_swings (1,) of the last that
-    ended, zero before the first. Sampled at a fixed period, without feedthrough.
+    Inputs: enabled (1,) 0 or 1, of `SwingController`; energy (1,) J, of `FulcrumActuator`; position_error (1,) m, of
+    the same. Outputs: adjustments (1,), how many have ended; adjustment_energy (1,) J, of the last that ended;
+    adjustment_swings (1,), of the same, zero before the first. Sampled at a fixed period, without feedthrough.
 
     Args:
         period: s; at most that of the controller, above 0.
