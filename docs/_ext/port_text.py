@@ -59,7 +59,7 @@ def sections(docstring: str | None) -> dict[str, str]:
     marks = list(_SECTION.finditer(text))
     ends = [mark.start() for mark in marks[1:]] + [len(text)]
     found: dict[str, str] = {}
-    for mark, end in zip(marks, ends, strict=True):
+    for mark, end in zip(marks, ends, strict=False):
         found.setdefault(mark[1], " ".join(text[mark.end():end].split()))
     return found
 
