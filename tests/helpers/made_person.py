@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vsf_drake.motion.formats.recording import Plate, Recording
 
@@ -213,7 +212,11 @@ def recording_of(
 
 
 def _turn(axis: tuple[float, float, float], angle: np.ndarray) -> np.ndarray:
-    return Rotation.from_rotvec(np.outer(angle, axis)).as_matrix()
+    """(frames, 3, 3) rotation about a unit axis by Rodrigues' formula."""
+    x, y, z = axis
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=float)
+    s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.eye(3) + s * K + (1 - c) * (K @ K)
 
 
 def _joint(flexion: np.ndarray, adduction: np.ndarray, rotation: np.ndarray, m: int, left: int) -> np.ndarray:
