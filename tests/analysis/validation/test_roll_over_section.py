@@ -55,7 +55,7 @@ def test_fit_is_the_least_sum_of_squared_distances_wherever_the_arc_lies_and_how
     def cost(x, z, r):
         return np.sum((np.linalg.norm(points - [x, z], axis=1) - r) ** 2)
 
-    for step in 1e-4 * np.vstack([np.eye(3), -np.eye(3)]):
+    for step in 1e-6 * np.vstack([np.eye(3), -np.eye(3)]):
         assert cost(*(best + step)) > cost(*best)
     turned = points @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [1.5, -0.7]
     assert fit_arc(turned)[2] == pytest.approx(best[2], rel=1e-9)
