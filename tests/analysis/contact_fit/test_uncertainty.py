@@ -82,6 +82,7 @@ def test_covariance_is_that_of_drawn_truths_and_correlated_noise(bench, heavier)
     np.testing.assert_allclose(found.share_of_prior, np.sqrt(np.diag(sampled)), rtol=0.03)
     np.testing.assert_allclose(found.correlation, np.corrcoef(off.T), atol=0.03)
     np.testing.assert_allclose(found.standard_error, 2.0 * found.share_of_prior)
+    np.testing.assert_allclose(found.interval, np.outer(NORMAL_95 * found.standard_error, [-1.0, 1.0]))
     inside = np.abs(off) <= NORMAL_95 * found.share_of_prior
     np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=0.006)
 

@@ -282,8 +282,7 @@ def uncertainty(
     # of the data alone, u being in standard deviations of the prior
     singular = np.linalg.svd(np.vstack(data), compute_uv=False)
     singular = np.concatenate([singular, np.zeros(count - len(singular))])
-    ends = [[item.low, item.high] if np.isinf(s) else
-            [item.from_u(float(x - NORMAL_95 * s)), item.from_u(float(x + NORMAL_95 * s))]
+    ends = [[item.from_u(float(x - NORMAL_95 * s)), item.from_u(float(x + NORMAL_95 * s))]
             for item, x, s in zip(parameters.free, u, sd, strict=True)]
     pairs = [Pair((names[i], names[j]), float(correlation[i, j]))
              for i, j in zip(*np.triu_indices(count, 1), strict=True) if abs(correlation[i, j]) > CLOSE]
