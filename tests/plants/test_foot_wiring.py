@@ -3,12 +3,9 @@ behaves as one alone and leaves nothing behind; what Drake leaves out of copies.
 
 from __future__ import annotations
 
-import gc
-import weakref
 from dataclasses import replace
 
 import numpy as np
-import psutil
 import pytest
 from made_feet import EVERY_BRANCH, PARAMETERS, LooseFoot, add_loose_shank, loose_foot, some_state
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
@@ -255,45 +252,6 @@ def test_foot_adds_to_what_acts_on_the_plant_already(alone):
     start = shank.floating_velocities_start_in_v()
     expected[start:start + 6] += push.F_Bq_W.get_coeffs()  # velocities of a free body are its spatial velocity in W
     np.testing.assert_allclose(plant.CalcMassMatrix(own) @ more, 2.0 * expected, rtol=1e-5, atol=1e-4)
-
-
-def build_once(converted: bool) -> list[weakref.ref]:
-    made = loose_foot(base="quaternion")
-    made.output("grf")
-    parts = [made.diagram, made.wired.forces, made.plant]
-    if converted:
-        general = made.diagram.ToAutoDiffXd()
-        general.CreateDefaultContext()
-        parts.append(general)
-    return [weakref.ref(x) for x in parts]
-
-
-def collect() -> None:
-    for _ in range(3):
-        gc.collect()
-
-
-@pytest.fixture
-def _quick_collection():
-    gc.collect()
-    gc.freeze()
-    yield
-    gc.unfreeze()
-
-
-@pytest.mark.usefixtures("_quick_collection")
-def test_a_hundred_builds_leave_nothing_behind():
-    """Diagrams, systems and plants are gone, and 100 builds take less memory than 10 kept ones would (0.3 MB each)."""
-    for _ in range(20):
-        build_once(True)
-    collect()
-    before, seen = psutil.Process().memory_info().rss / 1e6, []
-    for i in range(100):
-        seen += build_once(i % 10 == 0)
-        if i % 20 == 19:
-            collect()
-    assert not [ref for ref in seen if ref() is not None]
-    assert psutil.Process().memory_info().rss / 1e6 - before < 3.0
 
 
 def standing(contact: str, time_step_s: float):

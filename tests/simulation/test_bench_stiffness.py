@@ -7,8 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from vsf_drake.analysis.bench_metrics import displacement, mid_range_displacement, stiffness
@@ -83,24 +81,6 @@ def test_what_has_no_part_changes_nothing_and_has_no_derivative():
     assert by.shape == (4, len(values)) and not by.any() and not np.signbit(by).any()
 
 
-FOAM = {"n": st.floats(1.0, 2.0), "factor": st.floats(0.1, 10.0)}
-"""Of a zone: exponent, stiffness over the nominal one."""
-
-
-@settings(max_examples=30, deadline=None)
-@given(forefoot=st.fixed_dictionaries(FOAM), midfoot=st.fixed_dictionaries(FOAM), heel=st.fixed_dictionaries(FOAM),
-       heel_posterior=st.fixed_dictionaries(FOAM), rise=st.floats(-0.01, 0.01))
-def test_any_foam_has_a_stiffness_that_rises_with_the_fulcrum_and_the_keels(rise, **foams):
-    values = {"contact.midfoot.rise": rise, "contact.heel.rise": -rise}
-    for name, foam in foams.items():
-        values |= {f"contact.{name}.exponent": foam["n"],
-                   f"contact.{name}.stiffness": foam["factor"] * zone(FOOT, name).stiffness}
-    found, by = machine(LAYERED).evaluate(values, list(AWAY))
-    assert np.isfinite(found).all() and np.isfinite(by).all()
-    assert np.all(found > 0.0) and np.all(np.diff(found[:3]) > 0.0)
-    assert np.all(by[:3, :2] > 0.0) and not by[3, :2].any()
-
-
 @pytest.mark.parametrize(("values", "match"), [
     ({"keel.flexural_modulus": 1e7}, "forefoot gives way under 600 N with the fulcrum at 66 mm"),
     ({"fulcrum.stiffness": 0.1 * SUPPORT}, "forefoot gives way"),
@@ -117,21 +97,18 @@ def test_foot_that_cannot_bear_the_load_is_a_failure_and_leaves_nothing_behind(v
 @pytest.mark.parametrize(("values", "names", "match"), [
     ({"contact.toe.stiffness": 1.0}, (), r"no variable 'contact\.toe\.stiffness'"),
     ({}, ("keel.modulus",), r"with_respect_to: there is no variable 'keel\.modulus'"),
-    ({"contact.forefoot.exponent": 0.5}, (), "must be from 1 to 20"),
-    ({"keel.flexural_modulus": float("nan")}, (), "finite number"),
-    ({"keel.flexural_modulus": 18.6}, (), r"values\['keel\.flexural_modulus'\]: 18.6 is not usable"),
-    ({"offset.height": "high"}, (), "finite number")])
+    ({"keel.flexural_modulus": 18.6}, (), r"values\['keel\.flexural_modulus'\]: 18.6 is not usable")])
 def test_names_and_values_without_meaning_are_refused(values, names, match):
     with pytest.raises(InputError, match=match):
         machine().evaluate(values, names)
 
 
-@pytest.mark.parametrize(("options", "match"), [
-    ({"fulcrums_m": [0.2]}, "out of the carriage's reach"), ({"max_load_n": 150.0}, "no largest load"),
-    ({"foot": replace(FOOT, series_patch_m=1e-3)}, "no contact sphere")])
-def test_useless_benches_are_refused(options, match):
-    with pytest.raises(InputError, match=match):
-        BenchStiffness(**{"foot": FOOT, "fulcrums_m": FULCRUMS, "heel": True} | options)
+def test_useless_benches_are_refused():
+    for options, match in (({"fulcrums_m": [0.2]}, "out of the carriage's reach"),
+                           ({"max_load_n": 150.0}, "no largest load"),
+                           ({"foot": replace(FOOT, series_patch_m=1e-3)}, "no contact sphere")):
+        with pytest.raises(InputError, match=match):
+            BenchStiffness(**{"foot": FOOT, "fulcrums_m": FULCRUMS, "heel": True} | options)
 
 
 def cut(setting, load):

@@ -97,14 +97,6 @@ def test_equal_legs_are_level_and_unequal_ones_list_by_the_triangle(neutral):
         assert narrow < sign * list_ < wide, "the side of the shorter leg goes down"
 
 
-def test_nobody_of_this_build_balances_fore_and_aft_at_neutral_angles(neutral):
-    sideways = neutral.sideways_equilibrium(0.0)
-    assert sideways.stable
-    assert neutral.equilibrium(sideways) is None
-    _, least = neutral.least_tilt_moment(0.0, sideways.list)
-    assert least < 0.0, "the centre of mass stays behind the centre of pressure"
-
-
 def test_leaning_at_the_ankles_balances(balanced):
     """Contact, springs and weight are conservative at rest: the matrix is symmetric, to differencing."""
     posture, found = balanced

@@ -3,7 +3,6 @@ left."""
 
 from __future__ import annotations
 
-import math
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 
@@ -153,16 +152,6 @@ def test_name_or_value_without_meaning_is_refused(person, motion, values, match)
     assert next(iter(values)) in str(error.value)
 
 
-def test_variables_are_of_the_prescribed_coordinates_and_bounds_hold_the_default(person):
-    named = [name.removeprefix("coordinate.") for name in person.variables if name.startswith("coordinate.")]
-    assert named == list(person.gait.prescribed)
-    for name, variable in person.variables.items():
-        assert variable.name == name and variable.unit
-        assert variable.minimum <= variable.low <= variable.default <= variable.high <= variable.maximum, name
-        assert np.isfinite([variable.low, variable.high]).all()
-        assert variable.added == (variable.default == 0.0), name
-
-
 # Courses
 
 
@@ -183,46 +172,6 @@ def test_walk_with_a_course_is_the_walk_of_a_trajectory_changed_by_it(person, mo
     walk = walked(person, motion, perturbations=[MotionPerturbation("a", name, wave)], values={"perturbation.a": value})
     np.testing.assert_allclose(walk.commanded, wanted.commanded, atol=1e-8 * abs(value))
     assert_same_walk(walk, wanted, 1e-5)
-
-
-def test_courses_of_one_coordinate_and_its_shift_add_up_for_one_walk(person, motion):
-    known = list(person.variables)
-    perturbations = [MotionPerturbation("a", "hip_flexion_r", wave), MotionPerturbation("b", "hip_flexion_r", one),
-                     MotionPerturbation("c", "pelvis_tx", wave)]
-    values = {"perturbation.a": 0.01, "perturbation.b": 0.002, "coordinate.hip_flexion_r": 0.001,
-              "perturbation.c": 0.004}
-    walk = walked(person, motion, perturbations=perturbations, values=values)
-    together = [MotionPerturbation("hip", "hip_flexion_r", lambda t: 0.01 * wave(t) + 0.003),
-                MotionPerturbation("c", "pelvis_tx", wave)]
-    wanted = walked(person, motion, perturbations=together, values={"perturbation.hip": 1.0, "perturbation.c": 0.004})
-    assert_same_walk(walk, wanted, 1e-9)
-    assert list(person.variables) == known
-
-
-def test_start_has_the_rate_of_the_shape(person, motion):
-    """On the ground, where all else is at rest: of a sine to 1e-11, of what begins flat none at all."""
-    span = {"start_s": START_S, "end_s": START_S + 0.01}
-    perturbations = [MotionPerturbation("steep", "pelvis_tx", lambda t: np.sin(9.0 * t)),
-                     MotionPerturbation("flat", "knee_angle_r", lambda t: (t - START_S) ** 3)]
-    walk = walked(person, motion, perturbations=perturbations, values={"perturbation.steep": 0.01,
-                                                                       "perturbation.flat": 0.02}, **span)
-    change = walk.record.v0 - walked(person, motion, **span).record.v0
-    forward = walk.mechanism.tree.index("pelvis_tx")
-    assert change[forward] == pytest.approx(0.09 * math.cos(9.0 * START_S), abs=1e-10)
-    change[forward] = 0.0
-    assert np.abs(change).max() < 1e-10
-
-
-def test_shape_is_asked_within_the_walk_only_and_cannot_spoil_its_times(person, motion):
-    def shape(time):
-        assert time.min() >= SPAN["start_s"] and time.max() <= SPAN["end_s"] + 1e-12
-        time *= 2.0
-        return time
-
-    walk, wanted = (walked(person, motion, perturbations=[MotionPerturbation("a", "pelvis_tx", function)],
-                           values={"perturbation.a": 0.01})
-                    for function in (shape, lambda t: 2.0 * t))
-    assert_same_walk(walk, wanted)
 
 
 def test_shortest_walk_has_courses_too_and_the_result_tells_of_them(person, motion, trial_files):

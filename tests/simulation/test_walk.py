@@ -149,20 +149,6 @@ def test_result_tells_the_numbers_that_were_used(trial):
 MIRROR = np.array([1.0, -1.0, 1.0])
 
 
-def test_joint_loads_are_mirrored(both_unequal, walker):
-    """Coordinates are clinical: equal on both sides but for the pelvis's lateral ones."""
-    right, left = both_unequal
-    other = {"_r": "_l", "_l": "_r"}
-    names = left.mechanism.tree
-    for name in walker("right").gait.prescribed:
-        pelvis = name.startswith("pelvis")
-        sign = -1.0 if name in ("pelvis_tz", "pelvis_list", "pelvis_rotation") else 1.0
-        mirrored = name if pelvis else name[:-2] + other[name[-2:]]
-        load = right.record.load[:, right.mechanism.tree.index(name)]
-        np.testing.assert_allclose(sign * left.record.load[:, names.index(mirrored)], load,
-                                   atol=1e-9 * max(1.0, np.abs(load).max()), err_msg=name)
-
-
 UNEQUAL = Subject(
     mass_kg=71.0, stature_m=1.78, sex="male", prosthetic_side="right", thigh_length_m=0.44, shank_length_m=0.45,
     prosthetic_thigh_length_m=0.43, prosthesis_length_m=0.535, prosthesis_fore_aft_m=0.012, prosthesis_lateral_m=0.009,
@@ -171,23 +157,24 @@ START_S, END_S = 0.15, 0.40
 """Part of the motion in which the prosthetic foot comes down and rolls to flat."""
 
 
-@pytest.fixture(scope="module")
-def both_unequal(motion):
-    walks = {}
-    for side in ("right", "left"):
-        walker = Walker(replace(UNEQUAL, prosthetic_side=side), ModelParameters())
-        walks[side] = walker.walk(motion(side), fulcrum_m=0.1, start_s=START_S, end_s=END_S)
-    return walks["right"], walks["left"]
-
-
-def test_unequal_legs_walk_as_their_mirror_image(both_unequal):
-    right, left = both_unequal
+def test_unequal_legs_walk_as_their_mirror_image(motion):
+    """Coordinates are clinical: equal on both sides but for the pelvis's lateral ones."""
+    walkers = [Walker(replace(UNEQUAL, prosthetic_side=side), ModelParameters()) for side in ("right", "left")]
+    right, left = (walker.walk(motion(walker.subject.prosthetic_side), fulcrum_m=0.1, start_s=START_S, end_s=END_S)
+                   for walker in walkers)
     weight = UNEQUAL.mass_kg * 9.81
     assert right.prosthetic.grf_W[:, 2].max() > 0.3 * weight
     assert np.abs(right.prosthetic.grf_W[:, 1]).max() > 0.02 * weight, "a planar walk would show nothing"
     np.testing.assert_allclose(left.prosthetic.grf_W * MIRROR, right.prosthetic.grf_W, atol=1e-8 * weight)
     np.testing.assert_allclose(left.prosthetic.cop_W * MIRROR, right.prosthetic.cop_W, atol=1e-9)
     np.testing.assert_allclose(-left.prosthetic.free_moment_nm, right.prosthetic.free_moment_nm, atol=1e-7)
+    other = {"_r": "_l", "_l": "_r"}
+    for name in walkers[0].gait.prescribed:
+        sign = -1.0 if name in ("pelvis_tz", "pelvis_list", "pelvis_rotation") else 1.0
+        mirrored = name if name.startswith("pelvis") else name[:-2] + other[name[-2:]]
+        load = right.record.load[:, right.mechanism.tree.index(name)]
+        np.testing.assert_allclose(sign * left.record.load[:, left.mechanism.tree.index(mirrored)], load,
+                                   atol=1e-9 * max(1.0, np.abs(load).max()), err_msg=name)
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from vsf_drake.plants.wiring import (
     velocity_indices,
 )
 from vsf_drake.systems import FulcrumSupport, GroundReaction, KeelElasticity, KelvinVoigtContact, StickSlipFriction
-from vsf_drake.systems.foot_forces import CONTACT_LAWS, FootForces
+from vsf_drake.systems.foot_forces import CONTACT_LAWS
 
 SEEDS = (1, 2, 3)
 UNEVEN = Ground(patches=(
@@ -206,18 +206,3 @@ def test_nothing_carries_beyond_the_bounds_of_all_patches(contact):
     foot.place(*some_state(1, depth=0.05))
     for name in ("grf", "cop", "free_moment", "normal_force", "depth", "friction_force"):
         np.testing.assert_array_equal(foot.output(name), 0.0)
-
-
-@pytest.mark.parametrize(("change", "message"), [
-    ({"law": "coulomb"}, "must be one of kelvin_voigt, smooth, hunt_crossley"),
-    ({"position_indices": [0], "velocity_indices": [0]}, "have 2 indices, not 1"),
-    ({"constants": {"joint_stiffness": 1.0, "mass": 2.0}}, "missing or unknown: .*fulcrum_m.*mass"),
-])
-def test_wrong_arguments_are_refused(change, message):
-    device = dict.fromkeys(("joint_stiffness", "joint_damping", "fulcrum_stiffness", "fulcrum_damping", "fulcrum_m",
-                            "carriage_gain", "carriage_rate_gain"), 1.0)
-    arguments = {"num_positions": 2, "num_velocities": 2, "position_indices": [0, 1], "velocity_indices": [0, 1],
-                 "frame_body_index": 1, "keel_starts": [0.0], "site_keel": [], "law": None, "constants": device}
-    FootForces(**arguments)
-    with pytest.raises(ValueError, match=message):
-        FootForces(**arguments | change)

@@ -107,17 +107,6 @@ def test_both_signals_together_enable_only_where_each_would():
     assert enabled.tolist() == [0.0] * 12 + [1.0] * 4 + [0.0] * 8
 
 
-def test_commanded_position_carries_the_derivative_of_the_desired_one():
-    converted = SwingController(debounce=0.0).ToAutoDiffXd()
-    simulator_context = converted.CreateDefaultContext()
-    converted.GetInputPort("grf").FixValue(simulator_context, [AutoDiffXd(0.0)] * 3)
-    converted.GetInputPort("desired_position").FixValue(simulator_context, [AutoDiffXd(0.13, [1.0])])
-    updated = converted.EvalUniquePeriodicDiscreteUpdate(simulator_context).get_vector().CopyToVector()
-    assert updated[2].value() == 0.13
-    assert updated[2].derivatives()[0] == 1.0
-    assert updated[0].value() == 2.0
-
-
 @pytest.mark.parametrize(("arguments", "words"), [
     ({"signal": "emg"}, "'emg' is not known. Known are: contact, shank, both"),
     ({"period": 0.0}, "no sampling period"),

@@ -43,14 +43,6 @@ def test_what_is_no_trial_is_refused_before_anything_runs(sweep, walks):
     assert not walks
 
 
-def test_nobody_can_put_other_arrays_into_an_outcome(sweep):
-    [outcome] = simulate_batch(sweep(1), workers=1)
-    with pytest.raises(TypeError):
-        outcome.arrays["grf_W"] = np.zeros(3)
-    with pytest.raises(AttributeError):
-        outcome.arrays.clear()
-
-
 VARIABLES = {
     "stiffness": Variable("stiffness", "N/m", 1e4, 1e3, 1e5, 1.0, ParameterTangent()),
     "height": Variable("height", "m", 0.0, -0.02, 0.06, -1.0, ParameterTangent(), added=True)}

@@ -111,15 +111,6 @@ def test_threads_never_share_a_walker(counted, sweep):
     assert counted.clashes == 0 and counted.built <= 3 and counted.walked == 9
 
 
-def test_energy_is_worked_out_only_when_asked_for(monkeypatch, sweep):
-    def refuse(*_):
-        raise AssertionError("nobody asked for it")
-
-    monkeypatch.setattr(Walker, "energies", refuse)
-    assert simulate_batch(sweep(1), workers=1)[0].ok
-    assert "nobody asked" in simulate_batch(sweep(1), keep=["energy_j"], workers=1)[0].failure
-
-
 @pytest.mark.parametrize(("options", "word"), [
     ({"keep": ["grf"]}, "There are: time_s"), ({"keep": []}, "no array"), ({"workers": 0}, "workers"),
     ({"workers": 1.5}, "workers"), ({"workers": "2"}, "workers"), ({"workers": True}, "workers"),
@@ -164,10 +155,6 @@ def test_a_pool_that_would_fork_is_refused(sweep):
 
 
 HALF = SweepProgress(total=100, done=50, failed=1, from_cache=20, simulated=30, elapsed_s=10.0)
-
-
-def test_rate_counts_what_was_simulated_and_tells_the_time_left():
-    assert str(HALF) == "50 of 100 walks (20 from the cache), 1 failed, 3.0 walks/s, 0:17 left"
 
 
 def test_lines_are_sparse_and_the_last_one_is_never_left_out():

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from cut_walks import inputs_of
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable, MultibodyForces
 
 from vsf_drake.laws.bushing import axis_force
-from vsf_drake.simulation.mechanism import gait_mechanism
-from vsf_drake.simulation.reactions import follow
 from vsf_drake.simulation.stepping.assembly import SPRING_COLUMNS, TOLERANCE
-from vsf_drake.simulation.stepping.stepper import Inputs, Stepper
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -62,38 +57,3 @@ def support_row(plant, context, foot, position):
         context, JacobianWrtVariable.kV, foot.keel[j].body_frame(), [position - foot.keel_starts[j], 0.0, 0.0],
         foot.frame.body_frame(), foot.frame.body_frame())
     return J[2]
-
-
-def loose(walker, names):
-    """The person in the air without springs and support, `names` held: a chain of hinges under its weight."""
-    mechanism = gait_mechanism(walker.gait, walker.context)
-    springs = np.zeros_like(mechanism.springs)
-    springs[:, 3:5] = 1e30
-    held = np.array([mechanism.tree.index(name) for name in names], dtype=np.int64)
-    return held, dataclasses.replace(mechanism, springs=springs, fulcrum=np.zeros(2),
-                                     limits=np.full(mechanism.tree.num_coordinates, 1e30))
-
-
-def test_chain_without_losses_keeps_its_energy_to_first_order_in_the_step(walker):
-    """Hanging from its pelvis: the error halves with the step."""
-    held, mechanism = loose(walker("right"), ("pelvis_tx", "pelvis_ty", "pelvis_tz", "pelvis_tilt", "fulcrum"))
-    n = mechanism.tree.num_coordinates
-    rng = np.random.default_rng(8)
-    q0, v0 = rng.uniform(-0.3, 0.3, n), rng.uniform(-0.5, 0.5, n)
-    v0[held] = 0.0
-    q0[held] = 0.1
-    losses, tree = [], mechanism.tree
-    for step_s in (4e-4, 2e-4, 1e-4):
-        time = step_s * np.arange(round(0.2 / step_s) + 1)
-        inputs = Inputs(time_s=time, prescribed=held, prescribed_q=np.tile(q0[held], (len(time), 1)),
-                        fulcrum=np.full(len(time), 0.1), ground=np.full(len(time), -1e3))
-        record = Stepper(mechanism).run(inputs, q0, v0)
-        assert record.converged.all()
-        q, v = np.vstack([q0, record.q]), np.vstack([v0, record.v])
-        motion = follow(tree, q, v, bodies=(0,), coordinates=(), inside=np.ones(len(tree.body_names), dtype=bool))
-        potential, kinetic = -motion.mass_moment @ tree.gravity, motion.kinetic_j
-        losses.append(potential + kinetic - potential[0] - kinetic[0])
-        moved = np.ptp(kinetic)
-    ends = np.array([loss[-1] for loss in losses])
-    np.testing.assert_allclose(ends[:-1] / ends[1:], 2.0, rtol=0.1)
-    assert abs(ends[-1]) < 0.01 * moved
