@@ -73,7 +73,7 @@ class LooseFoot:
             joint.SetPose(self.plant_context, X_WM)
             joint.set_angular_velocity(self.plant_context, V_WM[:3])
             joint.set_translational_velocity(self.plant_context, V_WM[3:])
-        elif self.shank.is_floating_base_body():
+        else:
             self.plant.SetFloatingBaseBodyPoseInWorldFrame(self.plant_context, self.shank, X_WM)
             self.plant.SetFreeBodySpatialVelocity(self.plant_context, self.shank, SpatialVelocity(V_WM))
         self.plant.SetPositions(self.plant_context, self.foot.instance, q)
@@ -90,13 +90,10 @@ def foot_to_wire() -> tuple[DiagramBuilder, MultibodyPlant, FootHandles]:
 
 
 def add_loose_shank(plant: MultibodyPlant, base: str) -> RigidBody:
-    """A body free in W by a "quaternion", by roll, pitch and yaw ("rpy"), or held ("weld")."""
+    """A body free in W by a "quaternion", or by roll, pitch and yaw ("rpy")."""
     shank = plant.AddRigidBody("shank", SpatialInertia.SolidBoxWithMass(3.0, 0.1, 0.1, 0.3))
     if base == "rpy":
         plant.AddJoint(RpyFloatingJoint("floating", plant.world_frame(), shank.body_frame()))
-    elif base == "weld":
-        height = PARAMETERS.build_height_m - 4e-3
-        plant.WeldFrames(plant.world_frame(), shank.body_frame(), RigidTransform([0.1, 0.2, height]))
     return shank
 
 

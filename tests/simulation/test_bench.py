@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import keel_at_rest
 import numpy as np
 import pytest
 from reference_runs import simulate_bench_reference
@@ -163,34 +162,6 @@ def test_large_deflection_follows_the_elastica(fulcrum, known):
     np.testing.assert_allclose(reached, at, rtol=2e-3)
     assert 0.4 / (reached[1] - reached[0]) == pytest.approx(theory, rel=2e-3)
     assert setting.unconverged_steps == 0
-
-
-LOADS = np.array([200.0, 600.0])
-MODULUS, SUPPORT = FOOT.keel.flexural_modulus_pa, FOOT.fulcrum.stiffness_n_per_m
-
-
-def rise_of(fulcrum, modulus=MODULUS, support=SUPPORT):
-    """(n,) m, rise of the load point, and (n, 2) its derivatives by modulus and support."""
-    foot = replace(FOOT, keel=replace(FOOT.keel, flexural_modulus_pa=modulus),
-                   fulcrum=replace(FOOT.fulcrum, stiffness_n_per_m=support))
-    shapes = [keel_shape(foot, fulcrum_m=fulcrum, load_n=load) for load in LOADS]
-    return np.array([shape.load_point_K[1] for shape in shapes]), np.array([shape.rise_by for shape in shapes])
-
-
-@pytest.mark.parametrize(("fulcrum", "modulus", "support"), [
-    (0.108, 1.0, 1.0), (0.151, 0.5, 2.0), (0.066, 1.0, 0.17)])
-def test_derivatives_are_those_of_the_rise(fulcrum, modulus, support):
-    """Also where the keel all but folds up: the pin turns by nearly a radian, and rest takes many more steps."""
-    at = np.array([modulus * MODULUS, support * SUPPORT])
-    _, by = rise_of(fulcrum, *at)
-    for p, step in enumerate(np.diag(1e-4 * at)):
-        more, less = (rise_of(fulcrum, *(at + sign * step))[0] for sign in (1.0, -1.0))
-        np.testing.assert_allclose(by[:, p], (more - less) / (2.0 * step[p]), rtol=3e-7)
-
-
-def test_large_load_meets_the_bench_advanced_to_rest():
-    for fulcrum in (0.066, 0.151):
-        np.testing.assert_allclose(rise_of(fulcrum)[0], keel_at_rest.rises(FOOT, LOADS, fulcrum), rtol=1e-7)
 
 
 def test_what_has_no_shape_is_refused():

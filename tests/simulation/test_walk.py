@@ -15,7 +15,6 @@ from drawn_walks import assert_sound, drawn
 from made_contact import CURVE, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
 from vsf_drake.analysis.validation import embedded_trials
-from vsf_drake.contact_file import model_with
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.files import resource
 from vsf_drake.ground import Ground
@@ -236,16 +235,6 @@ def assert_same_walk(a, b, tolerance):
     largest = np.abs(a.prosthetic.grf_W).max()
     np.testing.assert_allclose(b.prosthetic.grf_W, a.prosthetic.grf_W, rtol=0.0, atol=tolerance * largest)
     np.testing.assert_allclose(b.record.q, a.record.q, rtol=0.0, atol=tolerance)
-
-
-def test_values_in_the_model_walk_as_values_of_the_walk(source, referred):
-    """All at once, each of which the walk depends on."""
-    wanted, plain = through(referred, source, values=OF_THE_MODEL), through(referred, source)
-    for name, value in OF_THE_MODEL.items():
-        one = through(referred, source, values={name: value})
-        assert np.abs(one.prosthetic.grf_W - plain.prosthetic.grf_W).max() > 1e-3, name
-    found = through(Walker(source.subject, model_with(source.model, OF_THE_MODEL)), source)
-    assert_same_walk(wanted, found, 1e-10)
 
 
 def test_a_fitted_trial_walks_as_the_fit_did_with_courses(source, referred):

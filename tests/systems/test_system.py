@@ -130,28 +130,6 @@ def test_systems_end_with_their_last_reference_and_with_their_diagram_and_the_co
         assert [x() for x in seen_all] == [None] * 4, cls
 
 
-def test_system_lives_as_long_as_a_diagram_around_it(only_new_objects):
-    """No reference to the system itself is left when its ports, parameters and callbacks are used."""
-    builder = DiagramBuilder()
-    keel = builder.AddNamedSystem("keel", KeelElasticity(
-        num_velocities=1, velocity_indices=[0], stiffness=3.0, damping=0.0))
-    builder.ExportInput(keel.GetInputPort("state"), "state")
-    builder.ExportOutput(keel.GetOutputPort("joint_moment"), "joint_moment")
-    outer = DiagramBuilder()
-    inner = outer.AddNamedSystem("inner", builder.Build())
-    outer.ExportInput(inner.GetInputPort("state"), "state")
-    outer.ExportOutput(inner.GetOutputPort("joint_moment"), "joint_moment")
-    diagram = outer.Build()
-    del builder, keel, outer, inner
-    collect()
-    for diagram_of in (lambda: diagram, diagram.ToAutoDiffXd, diagram.Clone):
-        one = diagram_of()
-        collect()
-        context = one.CreateDefaultContext()
-        one.GetInputPort("state").FixValue(context, [2.0, 0.0])
-        assert one.GetOutputPort("joint_moment").Eval(context)[0] == -6.0
-
-
 # Docstrings and declarations agree: ports, their order and sizes, and parameters
 
 

@@ -10,9 +10,6 @@ import pytest
 from cut_walks import SETTINGS, cut_walk, hard_walker, inputs_of
 
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import FootParameters
-from vsf_drake.simulation.bench import Bench
-from vsf_drake.simulation.mechanism import bench_mechanism
 from vsf_drake.simulation.reactions import energy_ledger
 from vsf_drake.simulation.stepping.assembly import split_coordinates, step_workspace
 from vsf_drake.simulation.stepping.newton import MAX_ITERATIONS, step
@@ -20,7 +17,6 @@ from vsf_drake.simulation.stepping.stepper import (
     LEVELS,
     PARTS,
     Drive,
-    Inputs,
     Stepper,
     Torques,
     advance,
@@ -234,19 +230,4 @@ def test_walk_with_steps_that_are_cut_is_the_same(name):
     inputs, record = inputs_of(walk, hard_walker(SETTINGS[name][0])[0]), walk.record
     compiled, drake = both(walk.mechanism, inputs, record.q0, record.v0)
     assert compiled.converged.all() == (name != "lost")
-    assert_same(inputs, compiled, drake)
-
-
-def test_bench_is_the_same():
-    """Its platen moves, and all joints but the carriage are free."""
-    bench = Bench(FootParameters())
-    mechanism = bench_mechanism(bench.bench, bench.context)
-    carriage = mechanism.tree.index(bench.bench.foot.carriage_joint_name)
-    time = np.linspace(0.0, 0.5, 201)
-    inputs = Inputs(time_s=time, prescribed=np.array([carriage]), prescribed_q=np.full((201, 1), 0.108),
-                    fulcrum=np.full(201, 0.108), ground=bench.bench.contact_height + 0.01 * time)
-    q0 = np.zeros(mechanism.tree.num_coordinates)
-    q0[carriage] = 0.108
-    compiled, drake = both(mechanism, inputs, q0, np.zeros_like(q0))
-    assert compiled.site("normal_force")[-1].sum() > 10.0
     assert_same(inputs, compiled, drake)
