@@ -14,14 +14,10 @@ import pytest
 import yaml
 from browser import chromium, look
 from command_line import exit_code, read_json
-from made_results import make_bench, make_plate, make_walk
 from meshcat_page import tracks
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from vsf_drake.analysis.bench_metrics import bench_table
-from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.cli.app import print_text
 from vsf_drake.files import resource, sha256
 from vsf_drake.model_file import load_model
 from vsf_drake.parameters import FootParameters, ModelParameters
@@ -125,26 +121,6 @@ def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path,
     assert run("simulate", trial_files.write(), "--out", out, "--no-replay", "--step-ms", 4)[0] == 0
     assert {path.name for path in out.iterdir()} >= {"metrics.json", "mine.txt"}
     assert not (out / "replay.html").exists()
-
-
-REPORTED = {"offsets": {"height_m": 0.0, "fore_aft_m": 0.0, "alignment_rad": 0.0}, "offset_fit": None, "warnings": [],
-            "notes": []}
-
-
-@pytest.mark.parametrize("refined", [0, 5])
-def test_cut_steps_are_shown_only_if_there_are_any(capsys, refined):
-    metrics = walk_metrics(make_walk(refined_steps=refined), make_plate())
-    assert metrics.refined_steps == refined
-    print_text("walk", **vars(metrics) | REPORTED, offsets_are="not fitted", alignment_deg=0.0)
-    shown = [line.split() for line in capsys.readouterr().out.splitlines() if "cut into smaller ones" in line]
-    assert [str(refined) in words for words in shown] == [True] * bool(refined)
-    bench = make_bench()
-    settings = tuple(dataclasses.replace(setting, refined_steps=refined) for setting in bench.settings)
-    table = bench_table(dataclasses.replace(bench, settings=settings))
-    assert table.refined_steps == refined * len(settings)
-    print_text("bench", **vars(table))
-    said = " ".join(capsys.readouterr().out.split())
-    assert (f"{table.refined_steps} cut into smaller ones" in said) == bool(refined)
 
 
 # `export`.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from dataclasses import dataclass
@@ -24,10 +23,6 @@ from vsf_drake.report.validation import chapters
 EMBEDDED = resource("data/reference_subject")
 TRIAL = EMBEDDED / "laboratory" / "medium_2.yaml"
 CONTACT = EMBEDDED / "laboratory" / "contact.yaml"
-METRICS = {
-    "grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "impulse_rmse_bws", "impulse_r2", "cop_rmse_fl",
-    "cop_r2", "stance_measured_s", "stance_model_s", "heel_strike_error_s", "angle_rmse_deg", "null_model_grf_rmse_bw",
-    "simulated_s", "wall_s", "unconverged_steps", "converged"}
 WITH = ("--quick", "--workers", "1", "--contact", CONTACT)
 
 
@@ -72,7 +67,7 @@ def test_quick_validation_says_on_its_first_line_what_is_synthetic_and_writes_ev
     assert table["failed"] == []
     walks = [read_json(path) for path in quick_validation.glob("walks/*/metrics.json")]
     assert len(walks) == 3
-    assert all(set(walk) >= METRICS and walk["synthetic"] is True for walk in walks)
+    assert all(walk["synthetic"] is True and walk["converged"] for walk in walks)
 
 
 @pytest.mark.slow
@@ -193,14 +188,13 @@ def test_results_of_an_earlier_validation_leave_nothing_behind(run, tmp_path, on
     assert files(out)["validation.npz"] != earlier["validation.npz"]
 
 
-@pytest.mark.parametrize("held", ["thesis.txt", "fit.json"])
-def test_a_folder_of_other_things_is_left_alone(run, tmp_path, held):
-    (tmp_path / "out" / held).parent.mkdir(parents=True)
-    (tmp_path / "out" / held).write_text("mine", encoding="utf-8")
+def test_a_folder_of_other_things_is_left_alone(run, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.txt").write_text("mine", encoding="utf-8")
     code, _, err = run("validate", TRIAL, *WITH, "--out", tmp_path / "out")
     assert code == 2
     assert "holds other things than an earlier validation" in err
-    assert list(files(tmp_path / "out")) == [held]
+    assert list(files(tmp_path / "out")) == ["thesis.txt"]
 
 
 def test_a_full_disk_ends_with_one_message_and_no_results(run, tmp_path, one_section, monkeypatch):
@@ -229,23 +223,3 @@ def test_after_an_interruption_the_same_command_goes_on(run, tmp_path, one_secti
     monkeypatch.setattr(running, "_SECTIONS", {"bench": make})
     assert run(*words)[0] == 0
     assert one_section["made"] == 1
-
-
-def test_report_shows_what_another_version_left_and_names_the_rest(run, tmp_path, one_section):
-    out = tmp_path / "out"
-    assert run("validate", TRIAL, *WITH, "--out", out)[0] == 0
-    table = json.loads((out / "validation.json").read_text(encoding="utf-8"))
-    del table["sections"]["bench"]["table"]["trials"]
-    (out / "validation.json").write_text(json.dumps(table | {"format": 0}), encoding="utf-8")
-    (out / "replay.html").unlink()
-    code, said, err = run("report", out)
-    assert (code, err) == (0, "")
-    said = " ".join(said.split())
-    assert "These results have format 0" in said and "replay.html is not there any more" in said
-    assert "Bench: This version cannot show what the results hold of it (ValueError: trials is missing)" in said
-
-
-def test_report_of_no_results_ends_with_one_message(run, tmp_path):
-    code, _, err = run("report", tmp_path)
-    assert code == 2
-    assert "vsf-drake validate --out" in err and "Traceback" not in err

@@ -84,8 +84,6 @@ BENCH = BenchRow(
     name="a foot", synthetic=False, max_load_n=600.0, fulcrum_mm=(66.0, 151.0), mid_range=None,
     stiffness=Beside(uncertainty=0.5, measured=(10.0, 32.0), model=(10.4, 31.0), heel_measured=65.0, heel_model=64.0,
                      rmse=0.762))
-MID_RANGE = Beside(uncertainty=0.5, measured=(31.0, 9.5), model=(31.25, 9.0), heel_measured=5.0, heel_model=7.0,
-                   rmse=0.3953)
 
 
 def made_uncertainty(**changes: Any) -> Uncertainty:

@@ -87,13 +87,6 @@ def test_a_wide_table_scrolls_by_itself_and_the_page_does_not(page, tmp_path):
     assert (seen.images, seen.broken, seen.unnamed, seen.console, seen.requests) == (1, 0, 0, [], [])
 
 
-def test_on_paper_a_table_of_many_columns_is_set_smaller(page):
-    text = page(TABLE + '{% call table("narrow", rows, columns[:2]) %}Two.{% endcall %}')
-    sizes = [float(part.partition("pt")[0]) for part in text.split("--print:")[1:]]
-    assert sizes[0] < 4.0 and sizes[1] == 7.5
-    assert "font-size:var(--print)" in text and "width:720px" in page(FIGURE)  # a telephone scrolls a figure
-
-
 TEMPLATE = """
 {% if bad %}<p>{{ odd }}</p><p>{{ name }} failed, {{ share | number("{:.0f}", 100) }} %.</p>{% endif %}
 {% call missing() %}No <b>{{ name }}</b>

@@ -8,26 +8,17 @@ import numpy as np
 import pytest
 from made_fit import (
     BENCH,
-    METRICS,
-    MID_RANGE,
     ODD,
     failed_fit,
-    made_curves,
     made_fit,
-    made_parameter,
     made_trial,
     paper_fit,
 )
-from matplotlib.colors import to_rgb
 
 from vsf_drake.report.fit_figures import (
-    MOST_ROWS,
     TrialSweep,
-    fit_bench_figure,
     fit_figures,
-    fit_parameter_figure,
     fit_sweep_figure,
-    fit_trial_figure,
     paper_search_figure,
 )
 from vsf_drake.report.style import save_figure
@@ -73,15 +64,6 @@ def test_every_figure_can_be_drawn_within_its_edges_and_names_units_on_its_axes(
     assert "&lt;b&gt;odd&lt;/b&gt; $x_$ ü" in (tmp_path / "errors.svg").read_text(encoding="utf-8")
 
 
-def test_a_trials_curves_are_solid_where_measured_and_dashed_where_fitted():
-    trial = made_trial()
-    for axes in fit_trial_figure(trial, trial.score).axes:
-        measured, fitted = axes.get_lines()[-2:]
-        assert measured.get_linestyle() == "-" and fitted.get_linestyle() == "--"
-    blind = replace(trial.score, curves=made_curves(cop=False), metrics=replace(METRICS, cop_rmse_fl=None))
-    assert "no centre of pressure\nin common" in texts(fit_trial_figure(trial, blind))
-
-
 def test_errors_stand_in_percent_beside_null_model_and_floor(figures):
     axes = figures["errors"].axes[0]
     found = {(line.get_marker(), line.get_ydata()[0]): line.get_xdata()[0] for line in axes.get_lines()}
@@ -100,29 +82,6 @@ def test_a_sweep_marks_where_the_fulcrum_stood_and_names_what_is_wrong():
     failed = line_of(made_trial(fulcrum_mm=70.0), grf_rmse_bw=(None,) * 18, best_mm=None, right=False)
     batch = fit_sweep_figure([failed, *(line_of(made_trial(f"t{mm}", fulcrum_mm=float(mm))) for mm in range(71, 74))])
     assert sum(axes.axison for axes in batch.axes) == 4
-
-
-def test_the_bench_has_a_row_for_each_measured_quantity_with_every_difference():
-    axes = fit_bench_figure(replace(BENCH, mid_range=MID_RANGE)).axes
-    assert [one.get_ylabel() for one in axes] == ["stiffness (N/mm)", "mid-range displacement (mm)"]
-    assert [text.get_text() for text in axes[1].texts] == ["+0.25", "-0.50"]
-    assert "RMS difference 0.40 mm" in axes[1].get_title(loc="left")
-    bars = [segment for container in axes[1].containers for segment in container[2][0].get_segments()]
-    assert bars[0][:, 1] == pytest.approx([30.0, 32.0]), "two standard deviations"
-
-
-def test_parameters_are_marked_by_more_than_colour_and_the_largest_of_many_are_shown(figures):
-    axes = figures["parameters"].axes[0]
-    faces = {line.get_ydata()[0]: (line.get_marker(), to_rgb(line.get_markerfacecolor())) for line in axes.get_lines()
-             if line.get_marker() not in ("None", "")}
-    assert faces[0][0] == "o" and faces[0][1] != (1.0, 1.0, 1.0)
-    assert faces[1][0] == "s", "at a bound"
-    assert faces[2] == ("o", (1.0, 1.0, 1.0)), "not identified"
-    rows = [made_parameter(f"curve.knee_angle_r.{i}", 0.01 * i) for i in range(MOST_ROWS + 20)]
-    axes = fit_parameter_figure(rows, ()).axes[0]
-    names = [label.get_text() for label in axes.get_yticklabels()]
-    assert len(names) == MOST_ROWS and f"curve.knee_angle_r.{MOST_ROWS + 19}" in names
-    assert f"{MOST_ROWS} largest of {MOST_ROWS + 20}" in axes.get_title(loc="left")
 
 
 def test_the_papers_search_falls_over_its_iterations():

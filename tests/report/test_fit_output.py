@@ -8,15 +8,14 @@ from dataclasses import replace
 
 import pytest
 from made_contact import made_contact
-from made_fit import BENCH, METRICS, MID_RANGE, failed_fit, made_fit, made_trial, paper_fit
+from made_fit import BENCH, METRICS, failed_fit, made_fit, made_trial
 from matplotlib.figure import Figure
 from page_reader import Balanced
 
-from vsf_drake.analysis.contact_fit.table import SmoothErrorRow, fit_arrays
-from vsf_drake.cli.fit import print_fit
+from vsf_drake.analysis.contact_fit.table import fit_arrays
 from vsf_drake.errors import InputError
 from vsf_drake.report import fit_output
-from vsf_drake.report.fit_output import FIT, HEADINGS, clear_fit, fit_page, smooth_errors, trial_cells, write_fit
+from vsf_drake.report.fit_output import FIT, HEADINGS, clear_fit, fit_page, trial_cells, write_fit
 from vsf_drake.simulation.archive import RECORD_FILE
 
 SMALL = made_fit(trials=(made_trial(sweep=None),), bench=None, parameters=(), searches=(), uncertainty=None)
@@ -59,12 +58,6 @@ def test_every_trial_stands_there_with_all_its_numbers_and_what_is_there_is_expl
     assert "Stance error is" in alone and not any(words in alone for words in explained)
 
 
-def test_curves_that_were_left_at_zero_stand_nowhere():
-    flat = SmoothErrorRow(coordinate="hip_flexion_r", largest_deg=0.0)
-    assert smooth_errors(made_fit(curves=(flat,))) == ""
-    assert "hip_flexion_r" not in smooth_errors(made_fit(curves=(flat, *made_fit().curves)))
-
-
 def test_a_failed_fit_says_so_in_its_first_line_and_shows_no_number_as_a_result():
     page = fit_page(failed_fit(), {})
     body = page.split("<body>")[1].strip()
@@ -74,29 +67,10 @@ def test_a_failed_fit_says_so_in_its_first_line_and_shows_no_number_as_a_result(
     Balanced().feed(page)
 
 
-def test_a_fit_by_the_papers_procedure_tells_its_search_and_no_intervals():
-    page = fit_page(paper_fit(), {})
-    assert "by the paper&#39;s procedure" in page and "120.0 N" in page and "304 walks" in page
-    assert "33.3 N" in page and "95 % interval" not in page
-
-
 def test_synthetic_data_are_named_in_title_and_text():
     table = made_fit(synthetic=True, trials=(made_trial(synthetic=True),), bench=replace(BENCH, synthetic=True))
     page = fit_page(table, {})
     assert "(SYNTHETIC)</title>" in page and "SYNTHETIC, not recorded: soft, the bench." in page
-
-
-def test_mid_range_displacement_is_told_where_it_was_measured_and_nowhere_else(capsys):
-    table = made_fit(bench=replace(BENCH, mid_range=MID_RANGE))
-    page = fit_page(table, {})
-    for words in ("Mid-range displacement (mm)", "at 300 N", "0.40 mm off", "paper's model 0.45 mm", "+0.25", "+2.00"):
-        assert words in page
-    print_fit(table)
-    said = " ".join(capsys.readouterr().out.split())
-    assert "Mid-range displacement, mm, fitted (measured): 31.25 (31.00), 9.00 (9.50), heel 7.00" in said
-    print_fit(made_fit())
-    shown = capsys.readouterr().out + fit_page(made_fit(), {}) + fit_page(failed_fit(), {})
-    assert "Mid-range" not in shown
 
 
 def test_table_and_curves_are_read_back_and_refused_where_they_do_not_belong_together(written, tmp_path):

@@ -137,18 +137,6 @@ def test_the_calibration_finds_the_foot_that_was_measured():
     assert abs(other[1] - other[0]) < 0.02 and abs(other[2] - other[0]) > 0.1
 
 
-def test_repeats_give_the_measurement_a_band_and_noise_does_no_harm(compared_only):
-    model, draw = embedded_study().model, np.random.default_rng(3)
-    section = bench_section(study(made(model.foot, (0.066, 0.108, 0.151), draw=draw, repeats=4)))
-    assert not any("One measured pass" in sentence for sentence in section.missing)
-    for row in section.table.settings[:3]:
-        measured, own = row.lines["measured"], row.lines["model"]
-        assert row.repeats == 4 and 0.0 < measured.stiffness_n_per_mm_half_width < 0.5
-        assert abs(own.stiffness_n_per_mm - measured.stiffness_n_per_mm) < 0.3 and abs(own.mid_range_offset_mm) < 0.3
-    assert np.isfinite(section.arrays["measured_half_width_mm"][:3, 10:-10]).all()
-    assert np.isnan(section.arrays["measured_half_width_mm"][3]).all()
-
-
 def test_partial_benches_say_what_they_lack(compared_only):
     foot = embedded_study().model.foot
     heel = bench_section(study(made(foot, (None,))))

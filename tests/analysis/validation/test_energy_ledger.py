@@ -57,12 +57,6 @@ def test_remainder_falls_with_the_step_to_the_first_order():
     np.testing.assert_allclose(np.array(remainders[:-1]) / remainders[1:], 2.0, atol=0.2)
 
 
-def test_stored_and_returned_energy_converge_with_the_step():
-    coarse, fine = (stance(h).row for h in (1e-3, 2.5e-4))
-    assert coarse.stored_j == pytest.approx(fine.stored_j, rel=1e-3)
-    assert coarse.returned_j == pytest.approx(fine.returned_j, rel=2e-3)
-
-
 def test_energy_that_a_step_makes_counts_in_what_is_missing_as_energy_that_it_loses():
     own, trial = energy(1e-3), embedded_study().walks[0].trial
     [found] = [s for s in find_stances(own.time_s, own.vertical_n) if s.complete]

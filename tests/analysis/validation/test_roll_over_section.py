@@ -153,17 +153,6 @@ def test_fulcrum_has_no_part_at_the_heel(section):
     assert all(set(row.zones_loaded) <= {"heel_posterior", "heel"} for row in heel)
 
 
-def test_conditions_have_mean_and_count_and_no_sd_of_a_single_walk(section):
-    conditions = section.table.conditions
-    assert [row.fulcrum_mm for row in conditions] == [66.0, 108.0, 151.0]
-    for row, walk in zip(conditions, section.table.walks, strict=True):
-        for side in ("model", "measured"):
-            own, shape = getattr(row, side), getattr(walk, side)
-            for name in vars(shape):
-                assert (own[name].mean, own[name].sd, own[name].n) == (getattr(shape, name), None, 1)
-            assert own["radius_leg_lengths"].mean == pytest.approx(shape.radius_m / walk.leg_length_m)
-
-
 @pytest.mark.parametrize("force", [-100.0, 1e6, np.nan])
 def test_a_force_no_foot_is_tested_with_is_refused_by_name(force):
     study = embedded_study()

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from made_study import embedded_study, saved_section
-from made_study_walk import with_plate, with_walks
+from made_study_walk import with_walks
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -253,19 +253,6 @@ def test_one_trial_without_contact_fit_still_says_what_noise_allows(monkeypatch)
     said = " ".join(section.missing)
     assert "offsets of every walk" in said and "one setting" in said
     assert "model's error is not known" in section.table.answer
-
-
-def test_plates_without_centre_of_pressure_leave_its_error_unknown(monkeypatch):
-    monkeypatch.setattr(settings, "QUICK_NOISY_WALKS", 18)
-    study = embedded_study()
-    blind = [with_plate(walk, has_cop=False, cop_W=np.full_like(walk.recorded.prosthetic_plate.cop_W, np.nan))
-             for walk in study.walks]
-    section = settings_section(with_walks(study, *blind))
-    rows = {row.name: row for row in section.table.outcomes}
-    assert rows["cop_mid_stance_fl"].limits["sdd_same_session"] is None
-    assert rows["cop_mid_stance_fl"].model_error_n == 0
-    assert rows["resultant_first_bw"].limits["sdd_same_session"] > 0.0
-    assert any("centre of pressure" in sentence for sentence in section.missing)
 
 
 def test_a_stance_that_no_plate_shows_as_a_whole_is_named(monkeypatch):

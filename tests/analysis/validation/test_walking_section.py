@@ -14,17 +14,14 @@ from made_results import FOOT_LENGTH_M, WEIGHT_N, make_plate, make_walk, turned,
 from made_study import embedded_study, saved_section
 from made_study_walk import made_study_walk, with_plate, with_walks
 from scipy.ndimage import gaussian_filter1d
-from scipy.stats import ttest_rel
 from shown_chapter import Shown
 
 from vsf_drake.analysis.comparison import compare, percent_instants, rmse
 from vsf_drake.analysis.contact_fit.assessment import swept
-from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.validation import walking_section as walking
-from vsf_drake.analysis.validation.study import Spread, StudyOptions, spread, walk_trial
+from vsf_drake.analysis.validation.study import Spread, StudyOptions, spread
 from vsf_drake.analysis.validation.walking_section import (
     BOOTSTRAP,
-    QUANTITIES,
     QUICK_POSITIONS,
     SCORED,
     SPM,
@@ -59,14 +56,6 @@ def swing(time):
 def test_delay_between_two_samples_is_found_whatever_scale_and_offset():
     for delay in (0.0, 3.7e-3, -12.345e-3):
         assert lag(TIME, 0.3 + 0.8 * swing(TIME - delay), swing(TIME)) == pytest.approx(delay, abs=2e-6)
-
-
-def test_first_order_filter_delays_a_sine_by_its_phase():
-    omega, constant = 2.0 * np.pi * 1.0, 0.010
-    phase = np.arctan(omega * constant)
-    followed = np.cos(phase) * np.sin(omega * TIME - phase)
-    whole = TIME <= 1.1 + 1e-9  # one period between the margins
-    assert lag(TIME[whole], followed[whole], np.sin(omega * TIME[whole])) == pytest.approx(phase / omega, abs=2e-5)
 
 
 def test_lag_beyond_the_search_of_a_short_record_or_of_a_held_joint_is_not_known():
@@ -138,18 +127,6 @@ def test_smooth_noise_alone_crosses_the_threshold_of_the_curve_in_one_of_twenty_
     assert found <= 6  # binomial of 40 at 0.05: above with a probability of 0.3 %
 
 
-@with_spm
-def test_regions_are_where_the_t_of_each_point_exceeds_the_threshold():
-    measured, model = made_ensemble(9, step=1.0)
-    table, _ = differing_regions(np.array([measured, model]), seed=(0,))
-    assert table.threshold > 2.306  # two-tailed 5 % point of Student's t with 8 degrees of freedom, of one point
-    t = ttest_rel(model, measured).statistic
-    above = np.flatnonzero(np.abs(t) > table.threshold)
-    region, = table.regions
-    assert region.start_percent == pytest.approx(above[0], abs=1.0)
-    assert region.end_percent == pytest.approx(above[-1], abs=1.0)
-
-
 def test_without_spm1d_pointwise_bands_find_it_and_the_table_says_so(without_spm):
     table, arrays = differing_regions(made_ensemble(9, step=1.0), seed=(0,))
     assert table.method == BOOTSTRAP
@@ -204,14 +181,6 @@ def test_curves_that_spm1d_refuses_have_bands(monkeypatch):
     table, _ = differing_regions(made_ensemble(5), seed=(0,))
     assert table.method == BOOTSTRAP
     assert "refused" in table.why
-
-
-@pytest.mark.parametrize(("walks", "covers"), [(3, 0.75), (9, 0.89)])
-def test_band_of_few_walks_covers_as_often_as_the_report_says(walks, covers):
-    """The percentile bootstrap is known to be too narrow; of three walks it is their range: 1 - 2 / 2^3."""
-    samples = np.random.default_rng(8).standard_normal((walks, 4000))
-    low, high = bootstrap_band(samples, seed=(1,))
-    assert np.mean((low <= 0.0) & (high >= 0.0)) == pytest.approx(covers, abs=0.025)
 
 
 INNER = slice(5, 96)
@@ -441,17 +410,6 @@ def test_rows_hold_the_walks_metrics_and_the_summary_their_mean(section):
     assert table.angle_rmse_deg < 0.01 and abs(table.angle_lag_ms) < 0.001
 
 
-def test_one_walk_a_condition_has_no_deviation_and_no_test(section):
-    for name in QUANTITIES:
-        means = [[section.arrays[f"group_{i}_{name}_{side}_mean"] for side in ("model", "measured")] for i in range(3)]
-        difference = np.mean([model - measured for model, measured in means], axis=0)
-        assert difference.shape == (101,)
-        assert section.arrays[f"group_all_{name}_difference_mean"] == pytest.approx(difference, nan_ok=True)
-    assert all(own.scores["held out"].spreads["grf_rmse_bw"].sd is None for own in section.table.conditions)
-    assert any("no standard deviation" in sentence for sentence in section.missing)
-    assert any("not tested at 66 mm, 108 mm, 151 mm" in sentence for sentence in section.missing)
-
-
 def test_one_bare_trial_has_its_numbers_and_names_what_is_not_there(monkeypatch):
     """No centre of pressure, no lateral force, no free moment, no other walk."""
     monkeypatch.setattr(walking, "QUICK_POSITIONS", 3)
@@ -472,23 +430,6 @@ def test_one_bare_trial_has_its_numbers_and_names_what_is_not_there(monkeypatch)
     for part in ("no centre of pressure", "medio-lateral", "free moment", "medium (108 mm) or high (151 mm)",
                  "null model", "correlation of stance times", "One walk only"):
         assert part in text
-
-
-def test_stance_that_the_window_cuts_has_errors_and_no_curves(monkeypatch):
-    monkeypatch.setattr(walking, "QUICK_POSITIONS", 3)
-    walk = embedded_study().walks[0]
-    stance = walk.comparison.stances[0].measured
-    recorded, trial = (dataclasses.replace(t, end_s=stance.start_s + 0.6 * stance.duration_s)
-                       for t in (walk.recorded, walk.trial))
-    result = walk_trial(trial, with_fit=False, step_s=2e-3).result
-    comparison = compare(result, recorded.prosthetic_plate)
-    found = of_one(dataclasses.replace(
-        walk, recorded=recorded, trial=trial, result=result, comparison=comparison,
-        metrics=walk_metrics(result, recorded.prosthetic_plate, comparison=comparison)))
-    row, = found.table.rows
-    assert row.grf_rmse_bw is not None and row.stance_model_s is None
-    assert found.table.differences == () and found.arrays == {}
-    assert any("as a whole" in sentence for sentence in found.missing)
 
 
 @pytest.mark.slow

@@ -46,10 +46,8 @@ from vsf_drake.report.tuning.chapters import (
 from vsf_drake.report.tuning.figures import (
     cost_curve_figure,
     outcomes_figure,
-    policy_figure,
-    schedule_curves_figure,
 )
-from vsf_drake.report.tuning.reading import excess, root_mean_squares, telling
+from vsf_drake.report.tuning.reading import excess, root_mean_squares
 
 HARDLY = "THE SETTING HARDLY MATTERS"
 MADE = {"level_1": (made_table, made_arrays), "level_2": (made_stride_table, made_stride_arrays),
@@ -287,14 +285,3 @@ def test_policy_is_written_for_the_controller_and_for_people(folders):
         in words
     assert "Known to need a setting of its own: speed 0.8, speed 1.6." in words
     assert "Not told from the one setting for all: speed 1.2." in words, "101.5 lies within 101 to 109 mm"
-
-
-def test_setting_is_drawn_over_what_tells_the_tasks_apart_and_costs_from_each_task_s_least():
-    schedule = made_schedule()
-    assert telling(schedule) == "speed_m_per_s" and telling(made_schedule(described=False)) is None
-    line = next(line for line in policy_figure(schedule, "speed_m_per_s").axes[0].get_lines()
-                if line.get_label() == "lookup, before rounding")
-    np.testing.assert_allclose(line.get_ydata(), [75.0, 75.0, 105.0, 125.0, 125.0], err_msg="flat outside of the tasks")
-    curves = [line for line in schedule_curves_figure(schedule).axes[0].get_lines() if len(line.get_xdata()) == 86]
-    assert [line.get_xdata()[np.argmin(line.get_ydata())] for line in curves] == list(BEST)
-    assert all(abs(min(line.get_ydata())) < 1e-12 for line in curves)

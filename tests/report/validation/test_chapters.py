@@ -40,7 +40,7 @@ from vsf_drake.report.validation.sensitivity_chapter import (
     sensitivity_chapter,
 )
 from vsf_drake.report.validation.settings_chapter import DESIGNS, poor_judge, settings_chapter
-from vsf_drake.report.validation.walking_chapter import exact_chapter, walking_chapter
+from vsf_drake.report.validation.walking_chapter import walking_chapter
 
 MAKERS = {"bench": bench_chapter, "standing": standing_chapter, "walking": walking_chapter, "energy": energy_chapter,
           "roll_over": roll_over_chapter, "settings": settings_chapter, "sensitivity": sensitivity_chapter}
@@ -116,15 +116,6 @@ def test_bench_sets_the_paper_s_figures_beside_ours_and_says_what_is_not_reached
     assert "RMSE 2.50 N/mm (paper 1.37: not reached)" in words and "3 steps" in words
 
 
-def test_measured_curves_are_solid_and_simulated_ones_dashed(saved):
-    table, arrays = saved("bench")
-    lines = [line for line in bench_chapter(table, arrays).figures["bench_curves"].axes[0].get_lines()
-             if len(line.get_xdata()) > 100]
-    solid = [line for line in lines if line.get_linestyle() == "-"]
-    assert len(solid) == 5 and len(lines) == 15
-    assert np.allclose(solid[0].get_xdata(), arrays["measured_mm"][0])
-
-
 def test_bench_without_curves_rates_and_load_points_shows_the_published_end_points(saved):
     table, arrays = saved("bench")
     lines = tuple(replace(line, statistics=None, held_out=None) for line in table.lines[:3])
@@ -181,23 +172,6 @@ def test_table_3_has_the_papers_row_beside_each_condition(saved):
     assert sum(row["source"] == "paper" for row in rows) == 2
 
 
-def test_findings_give_mean_worst_null_model_and_the_limits_of_the_test_along_the_curve(saved):
-    table, arrays = saved("walking")
-    own, words = table.held_out, Shown(walking_chapter(table, arrays)).words
-    assert f"{100.0 * own.scores['grf_rmse_bw']:.1f} % BW" in words
-    assert f"worst {100.0 * own.scores['grf_rmse_bw_worst']:.1f}, {own.scores['grf_rmse_bw_worst_trial']}" in words
-    assert f"{own.beats_null} of {own.beats_null_of} beat the null model" in words
-    assert "synthetic" in words and table.difference_method in words and "is not agreement" in words
-    words = Shown(walking_chapter(replace(table, difference_method="pointwise bootstrap", spm1d=None), arrays)).words
-    assert "pointwise and not corrected" in words
-    fitted = replace(table, offsets_fitted=own, held_out=None,
-                     rows=tuple(replace(row, role="offsets fitted") for row in table.rows))
-    words = Shown(walking_chapter(fitted, arrays)).words
-    assert "which is no prediction" in words and "favours that place" in words
-    exact = Shown(exact_chapter(table, arrays))
-    assert list(exact.grids) == ["exact_table_3", "exact_trials"] and not exact.alts
-
-
 def test_a_bare_trial_without_a_whole_stance_whose_sweep_failed_has_a_chapter_too(saved):
     table, _ = saved("walking")
     unknown = dict.fromkeys(("stance_model_s", "stance_error_s", "heel_strike_error_s", "toe_off_error_s",
@@ -241,16 +215,6 @@ def test_energy_says_what_is_stored_where_and_that_nobody_measured_it(saved):
     for row in table.trials:
         limb, *others = row.terms_j.values()
         assert limb == row.terms_j["limb_work_j"] == pytest.approx(sum(others), abs=1e-9)
-
-
-def test_a_setting_that_does_not_store_more_is_called_so_with_the_trials(saved):
-    table, arrays = saved("energy")
-    for stores, returns, said in ((False, False, "does NOT always store more, nor return more (not in low_2)"),
-                                  (True, False, "stores more, but does NOT always return more (not in low_2)"),
-                                  (False, True, "returns more, but does NOT always store more (not in low_2)")):
-        judged = {key: replace(table.softer[key], same_load=one, same_load_against=() if one else ("low_2",))
-                  for key, one in (("stored_j", stores), ("returned_j", returns))}
-        assert said in Shown(energy_chapter(replace(table, softer=judged), arrays)).words
 
 
 def test_one_setting_no_other_position_and_no_stance_have_a_chapter(saved):
