@@ -65,6 +65,7 @@ def test_a_step_of_one_is_a_standard_deviation_of_the_prior(item):
     ({"low": 0.03, "high": 0.03}, "bounds 0.03 to 0.03 m cross"), ({"mean": -1.0}, "its mean, -1, lies"),
     ({"start": 0.05}, "its start, 0.05, lies outside its bounds -0.04 to 0.03"), ({"scale": 0.0}, "scale is 0"),
     ({"start": math.nan}, "start: nan is not usable"), ({"low": True}, "low: True is not usable"),
+    ({"low": None}, "low: None is not usable"), ({"high": "0.03"}, "high: '0.03' is not usable"),
     ({"logarithmic": True}, "bounds are -0.04")])
 def test_what_makes_no_parameter_is_refused_by_name(changes, match):
     with pytest.raises(InputError, match=match) as caught:

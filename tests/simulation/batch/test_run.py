@@ -157,6 +157,13 @@ def test_a_pool_that_would_fork_is_refused(sweep):
 HALF = SweepProgress(total=100, done=50, failed=1, from_cache=20, simulated=30, elapsed_s=10.0)
 
 
+@pytest.mark.parametrize(("elapsed_s", "left"), [
+    (10.0, "0:17"), (1800.0, "50:00"), (3600.0, "1:40:00"), (1.5 * 3600 * 15.0, "1 day, 13:30:00"),
+    (1.5 * 3600 * 9.7, "1 day, 0:15:00")])
+def test_time_left_is_told_in_full(elapsed_s, left):
+    assert str(replace(HALF, elapsed_s=elapsed_s)).endswith(f"walks/s, {left} left")
+
+
 def test_lines_are_sparse_and_the_last_one_is_never_left_out():
     now, lines = [0.0], []
     show = sparse_lines(lines.append, clock=lambda: now[0])

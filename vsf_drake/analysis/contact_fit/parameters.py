@@ -48,9 +48,10 @@ class FitParameter:
     why: str = ""  # bounds and prior are so
 
     def __post_init__(self) -> None:
-        where, bounds = f"parameter {self.name}", f"{self.low:g} to {self.high:g} {self.unit}"
+        where = f"parameter {self.name}"
         for name in ("start", "low", "high", "mean", "scale"):
             check_number(getattr(self, name), f"{where}: {name}")
+        bounds = f"{self.low:g} to {self.high:g} {self.unit}"
         if not self.low < self.high:
             raise InputError(f"its bounds {bounds} cross", where=where, right="Give the lower one first")
         if self.logarithmic and self.low <= 0.0:

@@ -280,7 +280,8 @@ class SweepProgress:
         text += f", {self.failed} failed" if self.failed else ""
         if rate := self.rate_per_s:
             left = timedelta(seconds=round((self.total - self.done) / rate))
-            text += f", {rate:.1f} walks/s" + f", {left} left".replace(" 0:", " ").replace(" 0", " ") * bool(left)
+            clock = str(left).removeprefix("0:").removeprefix("0")
+            text += f", {rate:.1f} walks/s" + f", {clock} left" * bool(left)
         return text
 
 
