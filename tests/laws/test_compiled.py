@@ -86,7 +86,7 @@ def test_every_compiled_function_and_the_constants_in_it_are_under_the_digest():
         from_outside = [PACKAGE.joinpath(*name.split(".")[1:]) for name, node in taken.items()
                         if name.startswith("vsf_drake.") and any(alias.name.isupper() or alias.name.islower()
                                                                  for alias in node.names)]
-        for path in [file, *(path.with_suffix(".py") for path in from_outside)]:
+        for path in [file, *(path if path.is_dir() else path.with_suffix(".py") for path in from_outside)]:
             assert any(path == part or part in path.parents for part in covered), f"{file} takes from {path}"
 
 

@@ -130,14 +130,9 @@ class Bench:
 
 
 def run_bench(
-    model: ModelParameters,
-    *,
-    fulcrums_m: Sequence[float] = PUBLISHED_FULCRUMS_M,
-    heel: bool = True,
-    max_load_n: float = 600.0,
-    speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S,
-    progress: Callable[[float], None] | None = None,
-    inputs: dict[str, str] | None = None,
+    model: ModelParameters, *, fulcrums_m: Sequence[float] = PUBLISHED_FULCRUMS_M, heel: bool = True,
+    max_load_n: float = 600.0, speed_m_per_s: float = PUBLISHED_SPEED_M_PER_S,
+    progress: Callable[[float], None] | None = None, inputs: dict[str, str] | None = None
 ) -> BenchResult:
     """The bench test of the paper: every fulcrum position (m), then the heel; raises what `Bench.press` does.
 

@@ -13,27 +13,11 @@ import numpy as np
 from vsf_drake.laws.bushing import axis_force, excess
 from vsf_drake.laws.compiled import compiled
 from vsf_drake.motion.events import THRESHOLD_N
+from vsf_drake.simulation.stepping import tree as rb
 from vsf_drake.simulation.stepping.assembly import SITE_RECORD, SPRING_COLUMNS
 from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.stepper import Mechanism, Record
-from vsf_drake.simulation.stepping.tree import (
-    REST,
-    Motion,
-    Tree,
-    TreeArrays,
-    add,
-    dot,
-    inertia_in_world,
-    inertia_times,
-    inverse_dynamics,
-    place,
-    plus,
-    put,
-    six,
-    tree_arrays,
-    work_space,
-    wrench,
-)
+from vsf_drake.simulation.stepping.tree import Motion, Tree, TreeArrays
 
 LOADED_N = THRESHOLD_N
 """Vertical force (N) below which a centre of pressure has no meaning."""
@@ -166,7 +150,7 @@ def follow(
         twist=np.zeros((n, len(bodies), 6)), joints=np.zeros((n, len(coordinates), 6)), momentum=np.zeros((n, 6)),
         mass=float(tree.inertias[inside, 0].sum()), mass_moment=np.zeros((n, 3)), kinetic_j=np.zeros(n),
         R_WB=np.zeros((n, 3, 3)), p_WB=np.zeros((n, 3)))
-    _follow(tree_arrays(tree), np.ascontiguousarray(q), np.ascontiguousarray(v), work_space(tree),
+    _follow(rb.tree_arrays(tree), np.ascontiguousarray(q), np.ascontiguousarray(v), rb.work_space(tree),
             np.array(bodies, dtype=np.int64), np.array(coordinates, dtype=np.int64), np.asarray(inside, dtype=np.bool_),
             motion)
     return motion
@@ -179,27 +163,27 @@ def _follow(
 ) -> None:
     last = bodies[bodies.shape[0] - 1]
     for k in range(q.shape[0]):
-        place(tree, q[k], motion)
-        put(motion.V, 0, REST)
+        rb.place(tree, q[k], motion)
+        rb.put(motion.V, 0, rb.REST)
 
         # Outwards: V_b = V_p + S_c v_c; of what is inside the sums of I V, of V . I V / 2 and of m c.
         for m in range(tree.links.shape[0]):
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-            V_b = six(motion.V, parent)
+            V_b = rb.six(motion.V, parent)
             if c >= 0:
-                V_b = plus(V_b, six(motion.S, c), v[k, c])
-            put(motion.V, b, V_b)
+                V_b = rb.plus(V_b, rb.six(motion.S, c), v[k, c])
+            rb.put(motion.V, b, V_b)
             if inside[b] and tree.inertias[b, 0] > 0.0:
-                inertia_in_world(tree.inertias, b, motion.R, motion.p, motion.own)
-                momentum_b = inertia_times(motion.own, b, V_b)
-                out.kinetic_j[k] += 0.5 * dot(V_b, momentum_b)
+                rb.inertia_in_world(tree.inertias, b, motion.R, motion.p, motion.own)
+                momentum_b = rb.inertia_times(motion.own, b, V_b)
+                out.kinetic_j[k] += 0.5 * rb.dot(V_b, momentum_b)
                 for i in range(3):
                     out.mass_moment[k, i] += motion.own[b, 1 + i]
-                add(out.momentum, k, momentum_b)
+                rb.add(out.momentum, k, momentum_b)
         for i in range(bodies.shape[0]):
-            put(out.twist[k], i, six(motion.V, bodies[i]))
+            rb.put(out.twist[k], i, rb.six(motion.V, bodies[i]))
         for i in range(coordinates.shape[0]):
-            put(out.joints[k], i, six(motion.S, coordinates[i]))
+            rb.put(out.joints[k], i, rb.six(motion.S, coordinates[i]))
         for i in range(3):
             out.p_WB[k, i] = motion.p[last, i]
             for j in range(3):
@@ -312,9 +296,9 @@ def _driver_power(mechanism: Mechanism, record: Record, driven: np.ndarray, h: n
     """(n,) W of what prescribes the coordinates `driven`."""
     tree, power = mechanism.tree, np.zeros(len(record.q))
     a = np.diff(record.v, axis=0) / h[1:, None]
-    _sum_driver_power(tree_arrays(tree), record.q, central(record.v), np.vstack([a, a[-1:]]),
+    _sum_driver_power(rb.tree_arrays(tree), record.q, central(record.v), np.vstack([a, a[-1:]]),
                       np.isin(np.arange(tree.num_coordinates), driven), record.sites, mechanism.site_bodies,
-                      mechanism.ground_height, work_space(tree), power)
+                      mechanism.ground_height, rb.work_space(tree), power)
     return power
 
 
@@ -348,17 +332,19 @@ def _sum_driver_power(
     """Writes P of the heading above at n instants; driven (coordinates,) bool, sites (n, S, 9) SITE_RECORD."""
     load, V, S = np.empty(q.shape[1]), motion.V, motion.S
     for k in range(q.shape[0]):
-        place(tree, q[k], motion)
-        inverse_dynamics(tree, u[k], a[k], motion, load)
+        rb.place(tree, q[k], motion)
+        rb.inverse_dynamics(tree, u[k], a[k], motion, load)
         for c in range(q.shape[1]):
             power[k] += load[c] * u[k, c] if driven[c] else 0.0
 
         # Velocities as the driven coordinates alone would move the bodies, and the ground's power at these.
-        put(V, 0, REST)
+        rb.put(V, 0, rb.REST)
         for m in range(tree.links.shape[0]):
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-            put(V, b, plus(six(V, parent), six(S, c), u[k, c]) if c >= 0 and driven[c] else six(V, parent))
+            V_p = rb.six(V, parent)
+            rb.put(V, b, rb.plus(V_p, rb.six(S, c), u[k, c]) if c >= 0 and driven[c] else V_p)
         for s in range(sites.shape[1]):
             fx, fy, fz, x, y = sites[k, s, 2], sites[k, s, 3], sites[k, s, 1], sites[k, s, 7], sites[k, s, 8]
             if fz > 0.0:
-                power[k] -= dot(six(V, site_bodies[s]), wrench(x, y, ground_height - sites[k, s, 0], fx, fy, fz))
+                z = ground_height - sites[k, s, 0]
+                power[k] -= rb.dot(rb.six(V, site_bodies[s]), rb.wrench(x, y, z, fx, fy, fz))

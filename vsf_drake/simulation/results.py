@@ -288,14 +288,6 @@ SERIES_RATE_HZ = 50.0  # rate of the series in the table: standing has nothing f
 ATTITUDE = ("tilt", "list", "rotation")
 
 
-@dataclass(frozen=True, kw_only=True)
-class LegLengths:
-    """Of both legs, unloaded (mm)."""
-
-    prosthetic: float
-    intact: float
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StandingSeries:
     """What standing looks like, at SERIES_RATE_HZ."""
@@ -325,7 +317,7 @@ class StandingTable:
     free: tuple[str, ...]
     held_nm: dict[str, float]
     stiffness_nm_per_rad: float | None
-    leg_length_mm: LegLengths
+    leg_length_mm: dict[str, float]  # prosthetic, intact, unloaded
     unconverged_steps: int
     refined_steps: int
     converged: bool
@@ -350,7 +342,7 @@ def standing_table(standing: Standing) -> StandingTable:
         drift_mm=1e3 * float(drift.max()), turn_deg=float(np.degrees(standing.turn_rad)),
         pelvis_deg=dict(zip(ATTITUDE, np.degrees(pelvis[-1, 3:]).tolist(), strict=True)),
         free=standing.free, held_nm=standing.held_nm, stiffness_nm_per_rad=standing.stiffness_nm_per_rad,
-        leg_length_mm=LegLengths(prosthetic=1e3 * standing.leg_lengths_m[0], intact=1e3 * standing.leg_lengths_m[1]),
+        leg_length_mm={leg: 1e3 * m for leg, m in zip(("prosthetic", "intact"), standing.leg_lengths_m, strict=True)},
         unconverged_steps=standing.unconverged_steps, refined_steps=standing.refined_steps, converged=converged,
         stands=converged and abs(error) <= LARGEST_WEIGHT_ERROR and float(drift.max()) <= LARGEST_DRIFT_M,
         notes=standing.notes,

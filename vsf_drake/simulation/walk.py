@@ -68,21 +68,11 @@ class Walker:
         self.variables = gait_variables(self.gait, gait_mechanism(self.gait, self.context))
 
     def walk(
-        self,
-        trajectory: CoordinateTrajectory,
-        *,
-        fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
-        start_s: float,
-        end_s: float,
-        step_s: float = DEFAULT_STEP_S,
-        offsets: GeometricOffsets | None = None,
-        perturbations: Sequence[MotionPerturbation] = (),
-        values: Mapping[str, float] | None = None,
-        with_respect_to: Sequence[str] = (),
-        with_loads: bool = False,
-        support_width_m: float = 0.0,
-        initial: dict[str, float] | None = None,
-        progress: Callable[[float], None] | None = None,
+        self, trajectory: CoordinateTrajectory, *, fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
+        start_s: float, end_s: float, step_s: float = DEFAULT_STEP_S, offsets: GeometricOffsets | None = None,
+        perturbations: Sequence[MotionPerturbation] = (), values: Mapping[str, float] | None = None,
+        with_respect_to: Sequence[str] = (), with_loads: bool = False, support_width_m: float = 0.0,
+        initial: dict[str, float] | None = None, progress: Callable[[float], None] | None = None
     ) -> Walk:
         """Follows `trajectory` from `start_s` to `end_s` in steps of `step_s`.
 
@@ -258,11 +248,8 @@ def _check_memory(moments: np.ndarray, step_bytes: float, rows: int) -> None:
 
 
 def simulate_trial(
-    trial: Trial,
-    *,
-    step_s: float = DEFAULT_STEP_S,
-    offsets: GeometricOffsets | None = None,
-    progress: Callable[[float], None] | None = None,
+    trial: Trial, *, step_s: float = DEFAULT_STEP_S, offsets: GeometricOffsets | None = None,
+    progress: Callable[[float], None] | None = None
 ) -> WalkResult:
     """Simulates a recorded trial, with `offsets` instead of the manifest's: the person follows the recording, the
     prosthesis and the ground respond. Raises what `Walker.walk` does."""

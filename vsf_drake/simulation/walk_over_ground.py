@@ -67,21 +67,10 @@ class ReferenceWalk:
 
 
 def walk_over(
-    subject: Subject,
-    model: ModelParameters,
-    trajectory: CoordinateTrajectory,
-    ground: Ground,
-    *,
-    fulcrum_m: float | Callable[[np.ndarray], np.ndarray],
-    start_s: float,
-    end_s: float,
-    free: Sequence[str] = (),
-    offsets: GeometricOffsets | None = None,
-    integrator: str = "radau3",
-    accuracy: float = 1e-3,
-    max_step_s: float = 5e-3,
-    sample_s: float = 1e-3,
-    progress: Callable[[float], None] | None = None,
+    subject: Subject, model: ModelParameters, trajectory: CoordinateTrajectory, ground: Ground, *,
+    fulcrum_m: float | Callable[[np.ndarray], np.ndarray], start_s: float, end_s: float, free: Sequence[str] = (),
+    offsets: GeometricOffsets | None = None, integrator: str = "radau3", accuracy: float = 1e-3,
+    max_step_s: float = 5e-3, sample_s: float = 1e-3, progress: Callable[[float], None] | None = None
 ) -> ReferenceWalk:
     """Follows `trajectory` over `ground` from `start_s` to `end_s`.
 

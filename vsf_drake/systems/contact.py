@@ -22,13 +22,19 @@ class _AtSites(System):
     Forces on the sites of one body are summed to one at its origin, statically the same and cheaper to hand over.
     """
 
-    def _declare_sites(self, body_indices: Sequence[SupportsInt], *kinematics: str) -> int:
-        """Returns N."""
+    def _declare_sites(
+        self, body_indices: Sequence[SupportsInt], *kinematics: str, p_BS: np.ndarray, each: dict[str, np.ndarray],
+        **alone: float
+    ) -> int:
+        """The sites with their parameters: p_BS (N, 3), `each` (N,), and those that stand `alone`; returns N."""
         bodies, self._row = np.unique([int(index) for index in body_indices], return_inverse=True)
         self._bodies = [int(body) for body in bodies]
         self._sum = (np.arange(len(bodies))[:, None] == self._row).astype(float)
         self._declare_kinematics(*kinematics)
-        return len(self._row)
+        count = len(self._row)
+        self._declare_parameters(p_BS=(p_BS, (count, 3)), **{name: (value, (count,)) for name, value in each.items()},
+                                 **{name: (value, ()) for name, value in alone.items()})
+        return count
 
     def _positions(self, context: Context, p_BS: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """p_WS and p_BoS_W, each (N, 3)."""
@@ -82,12 +88,10 @@ class KelvinVoigtContact(_AtSites):
     ) -> None:
         if unloading not in UNLOADING_BRANCHES:
             raise ValueError(f"unloading is {unloading!r}, but must be one of {', '.join(UNLOADING_BRANCHES)}")
-        self._unloading, count = unloading, self._declare_sites(body_indices)
-        each = (count,)
-        self._declare_parameters(
-            p_BS=(p_BS, (count, 3)), radius=(radius, each), stiffness=(stiffness, each), exponent=(exponent, each),
-            damping=(damping, each), full_damping_depth=(full_damping_depth, each),
-            ground_height=(ground_height, ()))
+        self._unloading, count = unloading, self._declare_sites(
+            body_indices, p_BS=p_BS, ground_height=ground_height, each={
+                "radius": radius, "stiffness": stiffness, "exponent": exponent, "damping": damping,
+                "full_damping_depth": full_damping_depth})
         contact = self._declare_cached("contact", self._calc_contact)
         self._declare_parts(contact, normal_force=count, depth=count, depth_rate=count)
         self._declare_forces(contact)
@@ -127,11 +131,10 @@ class StickSlipFriction(_AtSites):
         self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, radius: np.ndarray, mu_static: float,
         mu_kinetic: float, threshold_velocity: float, smooth: bool = False
     ) -> None:
-        self._smooth, count = smooth, self._declare_sites(body_indices)
+        self._smooth, count = smooth, self._declare_sites(
+            body_indices, p_BS=p_BS, each={"radius": radius}, mu_static=mu_static, mu_kinetic=mu_kinetic,
+            threshold_velocity=threshold_velocity)
         self._declare_inputs(normal_force=count)
-        self._declare_parameters(
-            p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), mu_static=(mu_static, ()),
-            mu_kinetic=(mu_kinetic, ()), threshold_velocity=(threshold_velocity, ()))
         friction = self._declare_cached("friction", self._calc_friction)
         self._declare_parts(friction, friction_force=3 * count)
         self._declare_forces(friction)
@@ -174,10 +177,9 @@ class GroundReaction(_AtSites):
     def __init__(
         self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, radius: np.ndarray, ground_height: float = 0.0
     ) -> None:
-        count = self._declare_sites(body_indices, "body_poses")
+        count = self._declare_sites(
+            body_indices, "body_poses", p_BS=p_BS, each={"radius": radius}, ground_height=ground_height)
         self._declare_inputs(normal_force=count, friction_force=3 * count)
-        self._declare_parameters(
-            p_BS=(p_BS, (count, 3)), radius=(radius, (count,)), ground_height=(ground_height, ()))
         reaction = self._declare_cached("reaction", self._calc_reaction)
         self._declare_parts(reaction, grf=3, cop=3, free_moment=1)
 
@@ -283,12 +285,9 @@ class TestingMachine(_AtSites):
         self, *, body_indices: Sequence[SupportsInt], p_BS: np.ndarray, stiffness: np.ndarray, exponent: np.ndarray,
         damping: np.ndarray, full_damping_depth: np.ndarray
     ) -> None:
-        count = self._declare_sites(body_indices)
-        each = (count,)
+        count = self._declare_sites(body_indices, p_BS=p_BS, each={
+            "stiffness": stiffness, "exponent": exponent, "damping": damping, "full_damping_depth": full_damping_depth})
         self._declare_inputs(platen=2)
-        self._declare_parameters(
-            p_BS=(p_BS, (count, 3)), stiffness=(stiffness, each), exponent=(exponent, each),
-            damping=(damping, each), full_damping_depth=(full_damping_depth, each))
         contact = self._declare_cached("contact", self._calc_contact)
         self._declare_parts(contact, load=1, depth=count)
         self._declare_forces(contact)

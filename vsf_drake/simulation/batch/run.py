@@ -41,13 +41,8 @@ TRIAL = ("name", "subject", "model", "trajectory", "start_s", "end_s", "fulcrum_
 
 
 def simulate_batch(
-    cases: Iterable[WalkCase],
-    *,
-    keep: Iterable[str] = DEFAULT_KEEP,
-    workers: int | None = None,
-    executor: Any = None,
-    cache: str | Path | None = None,
-    progress: bool | Report | None = None,
+    cases: Iterable[WalkCase], *, keep: Iterable[str] = DEFAULT_KEEP, workers: int | None = None, executor: Any = None,
+    cache: str | Path | None = None, progress: bool | Report | None = None
 ) -> list[WalkOutcome]:
     """Simulates every case; each worker builds a person once and walks it often.
 

@@ -14,24 +14,8 @@ import numpy as np
 
 from vsf_drake.laws.compiled import internal
 from vsf_drake.laws.scalar import friction_per_speed, normal_force, spring_force
-from vsf_drake.simulation.stepping.tree import (
-    REST,
-    Motion,
-    Six,
-    Three,
-    Tree,
-    add,
-    add_column,
-    add_composite,
-    chains,
-    cross_motion,
-    dot,
-    plus,
-    put,
-    six,
-    work_space,
-    wrench,
-)
+from vsf_drake.simulation.stepping import tree as rb
+from vsf_drake.simulation.stepping.tree import Motion, Six, Three, Tree
 
 if TYPE_CHECKING:
     from vsf_drake.simulation.stepping.directions import Tangent, TangentDirections
@@ -135,7 +119,7 @@ def add_sites(
         if fn > 0.0:
             ratio, _ = friction_per_speed(math.sqrt(vx * vx + vy * vy), sites[s, 8], sites[s, 9], sites[s, 10])
             fx, fy = -ratio * fn * vx, -ratio * fn * vy
-            add(contact.F, b, wrench(x, y, z, fx, fy, fn))
+            rb.add(contact.F, b, rb.wrench(x, y, z, fx, fy, fn))
 
         contact.gain[s], contact.elastic[s] = h * by_depth + by_rate, by_depth
         record[s, 0], record[s, 1], record[s, 2], record[s, 3] = depth, fn, fx, fy
@@ -188,14 +172,14 @@ def tangents(
                 (yz * y - yy * z, xy * z - yz * x, yy * x - xy * y, xy, yy, yz),
                 (zz * y, -zz * x, 0.0, 0.0, 0.0, zz))
         for k in range(6):
-            add_column(K, b, k, wrench(x, y, z, rows[0][k], rows[1][k], rows[2][k]))
+            rb.add_column(K, b, k, rb.wrench(x, y, z, rows[0][k], rows[1][k], rows[2][k]))
 
     # Inwards: a joint moves all that it carries.
     for k in range(moving.shape[0] - 1, -1, -1):
         parent, b = links[moving[k], 1], links[moving[k], 2]
         if contact.loaded[b] and dofs.body_moves[parent]:
             contact.loaded[parent] = True
-            add_composite(K, parent, b)
+            rb.add_composite(K, parent, b)
 
 
 @internal
@@ -255,7 +239,7 @@ class Workspace(NamedTuple):
 def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> FreePrescribed:
     """The split for `prescribed` coordinates."""
     free = np.setdiff1d(np.arange(tree.num_coordinates), prescribed)
-    above, counts = chains(tree, free)
+    above, counts = rb.chains(tree, free)
     place_of = np.full(tree.num_coordinates, -1)
     place_of[free] = np.arange(len(free))
     moves = np.asarray(tree.ancestors[:, free].any(axis=1))
@@ -272,7 +256,7 @@ def step_workspace(tree: Tree, forces: Forces, dofs: FreePrescribed, tolerance: 
         **{name: np.zeros(sites) for name in ("depth0", "gain", "elastic")}, V=np.zeros((bodies, 6)),
         F=np.zeros((bodies, 6)), K=np.zeros((bodies, 6, 6)), W=np.zeros((1, 6)), support_jacobian=np.zeros(n))
     return Workspace(
-        motion=work_space(tree), contact=contact,
+        motion=rb.work_space(tree), contact=contact,
         **{name: np.zeros(n) for name in ("v0", "acceleration", "bias", "applied", "tau", "trial")},
         dA=np.zeros((bodies, 6)), r=np.zeros(f), dv=np.zeros((f, 1)), y=np.zeros(f), M=np.zeros((f, f)),
         L=np.zeros((f, f)), A=np.zeros((f, f)), springs=np.zeros(len(forces.springs)), fulcrum=np.zeros(3),
@@ -304,7 +288,7 @@ def _point(forces: Forces, motion: Motion, piece: int, position: float) -> Three
 def _unit_wrench(forces: Forces, motion: Motion, x: float, y: float, z: float) -> Six:
     """Of a force along z of the foot's frame at a point."""
     F, R = forces.frame_body, motion.R
-    return wrench(x, y, z, R[F, 0, 2], R[F, 1, 2], R[F, 2, 2])
+    return rb.wrench(x, y, z, R[F, 0, 2], R[F, 1, 2], R[F, 2, 2])
 
 
 @internal
@@ -334,13 +318,14 @@ def find_support(
         x0, y0, z0 = _point(forces, motion, j - 1, position)
         x, y, z = x0 + weight * (x - x0), y0 + weight * (y - y0), z0 + weight * (z - z0)
     W = _unit_wrench(forces, motion, x, y, z)
-    put(contact.W, 0, W)
+    rb.put(contact.W, 0, W)
 
     # Joints behind piece j carry all of the force, that of piece j its share alone.
     contact.support_jacobian[:] = 0.0
     for k in range(j + 1):
         c = forces.keel_coordinates[k]
-        contact.support_jacobian[c] = dot(six(motion.S, c), W) if k < j else weight * dot(six(motion.S, c), front)
+        S = rb.six(motion.S, c)
+        contact.support_jacobian[c] = rb.dot(S, W) if k < j else weight * rb.dot(S, front)
     return j, weight, slope, R[F, 0, 2] * (x - p[F, 0]) + R[F, 1, 2] * (y - p[F, 1]) + R[F, 2, 2] * (z - p[F, 2])
 
 
@@ -431,31 +416,31 @@ def _piece_change(
     ux, uy, uz = R[F, 0, 2], R[F, 1, 2], R[F, 2, 2]
     x, y, z = _point(forces, motion, piece, position)
     W = _unit_wrench(forces, motion, x, y, z)
-    V_keel = six(V, b)
-    relative = plus(V_keel, six(V, F), -1.0)
+    V_keel = rb.six(V, b)
+    relative = rb.plus(V_keel, rb.six(V, F), -1.0)
 
     # How the point moves: along the piece as the support slides, or as joint `column` turns all that it carries. That
     # joint also turns the velocity of the keel relative to its own parent: S x (V_keel - V_parent).
-    S_j, by_motion, rise = REST, REST, 0.0
+    S_j, by_motion, rise = rb.REST, rb.REST, 0.0
     dx, dy, dz = 0.0, 0.0, 0.0
     if column > front:
         dx, dy, dz = R[b, 0, 0], R[b, 1, 0], R[b, 2, 0]
         rise = ux * dx + uy * dy + uz * dz
     elif column <= piece:
-        S_j = six(S, keel[column])
+        S_j = rb.six(S, keel[column])
         dx = S_j[3] + S_j[1] * z - S_j[2] * y
         dy = S_j[4] + S_j[2] * x - S_j[0] * z
         dz = S_j[5] + S_j[0] * y - S_j[1] * x
         parent = forces.keel_bodies[column - 1] if column > 0 else F
-        by_motion = cross_motion(S_j, plus(V_keel, six(V, parent), -1.0))
+        by_motion = rb.cross_motion(S_j, rb.plus(V_keel, rb.six(V, parent), -1.0))
 
     # The unit wrench follows its point, dW = (dp x u, 0), and joints k that joint j carries turn with it: the power
     # S_k . W changes by S_k . dW + (S_j x S_k) . W, the rate w' = W . (V_keel - V_foot) by dW . (...) + W . by_motion.
     dW = (dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux, 0.0, 0.0, 0.0)
     for k in range(piece + 1):
-        S_k = six(S, keel[k])
-        change = dot(S_k, dW)
+        S_k = rb.six(S, keel[k])
+        change = rb.dot(S_k, dW)
         if column < k:
-            change += dot(cross_motion(S_j, S_k), W)
-        d_row[k] += share * change + turn * dot(S_k, W)
-    return rise, dot(dW, relative) + dot(W, by_motion), ux * x + uy * y + uz * z, dot(W, relative)
+            change += rb.dot(rb.cross_motion(S_j, S_k), W)
+        d_row[k] += share * change + turn * rb.dot(S_k, W)
+    return rise, rb.dot(dW, relative) + rb.dot(W, by_motion), ux * x + uy * y + uz * z, rb.dot(W, relative)

@@ -23,32 +23,10 @@ import math
 import numpy as np
 
 from vsf_drake.laws.compiled import compiled, internal
-from vsf_drake.simulation.stepping.assembly import (
-    Forces,
-    FreePrescribed,
-    Workspace,
-    add_sites,
-    add_springs,
-    add_support,
-    find_sites,
-    find_support,
-    tangents,
-)
-from vsf_drake.simulation.stepping.tree import (
-    REST,
-    TreeArrays,
-    add,
-    dot,
-    inertia_times,
-    inverse_dynamics,
-    mass_matrix,
-    place,
-    plus,
-    put,
-    six,
-    times,
-    transposed_times,
-)
+from vsf_drake.simulation.stepping import assembly
+from vsf_drake.simulation.stepping import tree as rb
+from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
+from vsf_drake.simulation.stepping.tree import TreeArrays
 
 MAX_ITERATIONS = 30
 MAX_TRIALS = 12  # lengths of one Newton step that are tried
@@ -76,12 +54,12 @@ def step(
 
     # The pose q0, frozen over the step: motions S of the joints, centres and depths d0 of the spheres, and the support
     # with its deflection w0 and the power `row` of its force on each coordinate.
-    place(tree, q, motion)
-    find_sites(h, forces, motion, ground, contact, sites)
+    rb.place(tree, q, motion)
+    assembly.find_sites(h, forces, motion, ground, contact, sites)
     deflection, workspace.fulcrum[0] = 0.0, fulcrum
     if forces.fulcrum[0] > 0.0:
-        workspace.keel[0], workspace.fulcrum[1], workspace.fulcrum[2], deflection = find_support(forces, motion,
-                                                                                                 fulcrum, contact)
+        workspace.keel[0], workspace.fulcrum[1], workspace.fulcrum[2], deflection = assembly.find_support(
+            forces, motion, fulcrum, contact)
 
     # Prescribed coordinates c are known: v_c = (q_next - q0)_c / h and a_c = (v - v0)_c / h; a = 0 in all others.
     copy(v, workspace.v0)
@@ -103,8 +81,8 @@ def step(
             for k in range(nf):
                 workspace.M[i, k] = M[free[i], free[k]]
     else:
-        inverse_dynamics(tree, workspace.v0, workspace.acceleration, motion, bias)
-        mass_matrix(tree, motion, free, dofs.above, dofs.counts, workspace.M)
+        rb.inverse_dynamics(tree, workspace.v0, workspace.acceleration, motion, bias)
+        rb.mass_matrix(tree, motion, free, dofs.above, dofs.counts, workspace.M)
     cholesky(workspace.M, workspace.L)
 
     # Newton's method from v = v0: solve A dv = -r with A = dr/dv, go to v + length dv, until r^T M^-1 r, twice the
@@ -155,7 +133,7 @@ def step(
 
     # Forces on what only prescribed coordinates move, which had no part in r; the loads that hold these; then
     # q = q0 + h v, with prescribed coordinates where they were to go without rounding.
-    add_sites(h, forces, contact, ground_rate, dofs.site_moves, False, sites)
+    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_moves, False, sites)
     _loads(h, tree, dofs, workspace, given, M, v, load)
     for c in range(q.shape[0]):
         q[c] += h * v[c]
@@ -174,10 +152,10 @@ def step(
 @internal
 def _velocities(links: np.ndarray, S: np.ndarray, v: np.ndarray, V: np.ndarray) -> None:
     """V_b = V_parent + S_c v_c of all bodies."""
-    put(V, 0, REST)
+    rb.put(V, 0, rb.REST)
     for m in range(links.shape[0]):
         parent, b, c = links[m, 1], links[m, 2], links[m, 3]
-        put(V, b, six(V, parent) if c < 0 else plus(six(V, parent), six(S, c), v[c]))
+        rb.put(V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), v[c]))
 
 
 @compiled
@@ -192,20 +170,20 @@ def _residual(
     # End velocities of the bodies that move with it, and the ground's wrenches F on them.
     for k in range(moving.shape[0]):
         parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
-        put(V, b, six(V, parent) if c < 0 else plus(six(V, parent), six(S, c), trial[c]))
+        rb.put(V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), trial[c]))
     F[:] = 0.0
-    add_sites(h, forces, contact, ground_rate, dofs.site_moves, True, sites)
+    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_moves, True, sites)
 
     # tau_c = applied + springs + support + S_c . (sum of F over all that c carries)
     copy(workspace.applied, tau)
-    add_springs(h, trial, q, forces, tau, workspace.springs)
+    assembly.add_springs(h, trial, q, forces, tau, workspace.springs)
     if forces.fulcrum[0] > 0.0:
-        add_support(h, trial, forces, deflection, contact.support_jacobian, tau, support)
+        assembly.add_support(h, trial, forces, deflection, contact.support_jacobian, tau, support)
     for k in range(moving.shape[0] - 1, -1, -1):
         parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
         if c >= 0 and dofs.place[c] >= 0:
-            tau[c] += dot(six(S, c), six(F, b))
-        add(F, parent, six(F, b))
+            tau[c] += rb.dot(rb.six(S, c), rb.six(F, b))
+        rb.add(F, parent, rb.six(F, b))
 
     for i in range(free.shape[0]):
         workspace.r[i] = h * (workspace.bias[free[i]] - tau[free[i]])
@@ -224,7 +202,7 @@ def tangent_matrix(
     h (h k + d) row row^T. A is not symmetric, as friction depends on the normal force.
     """
     contact, S, A, free = workspace.contact, workspace.motion.S, workspace.A, dofs.free
-    tangents(forces, contact, tree.links, dofs, least_slope, sites)
+    assembly.tangents(forces, contact, tree.links, dofs, least_slope, sites)
     for i in range(free.shape[0]):
         copy(workspace.M[i], A[i])
 
@@ -233,12 +211,12 @@ def tangent_matrix(
         c = free[i]
         b = tree.bodies[c]
         if contact.loaded[b]:
-            right, left = times(contact.K, b, six(S, c)), transposed_times(contact.K, b, six(S, c))
+            right, left = rb.times(contact.K, b, rb.six(S, c)), rb.transposed_times(contact.K, b, rb.six(S, c))
             for k in range(dofs.counts[i]):
                 j = dofs.above[i, k]
-                A[j, i] += h * dot(six(S, free[j]), right)
+                A[j, i] += h * rb.dot(rb.six(S, free[j]), right)
                 if j != i:
-                    A[i, j] += h * dot(six(S, free[j]), left)
+                    A[i, j] += h * rb.dot(rb.six(S, free[j]), left)
 
     for k in range(forces.spring_index.shape[0]):
         i = dofs.place[forces.spring_index[k]]
@@ -269,7 +247,7 @@ def _loads(
 
     # F of all that each body carries, also where nothing free moves it.
     for k in range(dofs.still.shape[0] - 1, -1, -1):
-        add(F, tree.links[dofs.still[k], 1], six(F, tree.links[dofs.still[k], 2]))
+        rb.add(F, tree.links[dofs.still[k], 1], rb.six(F, tree.links[dofs.still[k], 2]))
 
     # Inverse dynamics so far has a = 0 in the free coordinates. Their (v - v0) / h add to it: M a if M is given, else
     # dA_b = dA_parent + S_c a_c to the accelerations and I_b dA_b, summed inwards, to the forces.
@@ -283,26 +261,26 @@ def _loads(
         for k in range(dofs.moving.shape[0]):
             m = dofs.moving[k]
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-            change = six(dA, parent) if dofs.body_moves[parent] else REST
+            change = rb.six(dA, parent) if dofs.body_moves[parent] else rb.REST
             if c >= 0 and dofs.place[c] >= 0:
-                change = plus(change, six(S, c), (v[c] - workspace.v0[c]) / h)
-            put(dA, b, change)
-            add(motion.A, b, change)
+                change = rb.plus(change, rb.six(S, c), (v[c] - workspace.v0[c]) / h)
+            rb.put(dA, b, change)
+            rb.add(motion.A, b, change)
         for k in range(dofs.moving.shape[0]):
             b = tree.links[dofs.moving[k], 2]
-            put(dA, b, inertia_times(motion.own, b, six(dA, b)))
+            rb.put(dA, b, rb.inertia_times(motion.own, b, rb.six(dA, b)))
         for m in range(tree.links.shape[0] - 1, -1, -1):
             parent, b, c = tree.links[m, 1], tree.links[m, 2], tree.links[m, 3]
-            add(motion.f, b, six(dA, b))
-            add(dA, parent, six(dA, b))
+            rb.add(motion.f, b, rb.six(dA, b))
+            rb.add(dA, parent, rb.six(dA, b))
             if c >= 0:
-                load[c] = dot(six(S, c), six(motion.f, b))
+                load[c] = rb.dot(rb.six(S, c), rb.six(motion.f, b))
 
     # Less what the stiff forces give. The tau of free coordinates has S_c . F already; `applied` is the drive's own.
     for c in range(v.shape[0]):
         load[c] -= workspace.tau[c] - workspace.applied[c]
         if dofs.place[c] < 0:
-            load[c] -= dot(six(S, c), six(F, tree.bodies[c]))
+            load[c] -= rb.dot(rb.six(S, c), rb.six(F, tree.bodies[c]))
 
 
 # Small dense linear algebra without calls out of compiled code: a dozen unknowns, thousands of times.

@@ -22,17 +22,9 @@ import numpy as np
 from vsf_drake.errors import InputError
 from vsf_drake.laws.compiled import compiled, internal
 from vsf_drake.laws.scalar import spring_force
-from vsf_drake.simulation.stepping.assembly import (
-    SITE_COLUMNS,
-    SITE_RECORD,
-    Forces,
-    FreePrescribed,
-    Workspace,
-    add_support_tangent,
-    site_tangent,
-    split_coordinates,
-    step_workspace,
-)
+from vsf_drake.simulation.stepping import assembly
+from vsf_drake.simulation.stepping import tree as rb
+from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import (
     INBOARD,
     OUTBOARD,
@@ -43,28 +35,7 @@ from vsf_drake.simulation.stepping.directions import (
     tangent_workspace,
 )
 from vsf_drake.simulation.stepping.newton import EXACT, copy, solve_columns, step, tangent_matrix
-from vsf_drake.simulation.stepping.tree import (
-    REST,
-    Motion,
-    Six,
-    Three,
-    Tree,
-    TreeArrays,
-    add,
-    add_column,
-    add_composite,
-    cross_force,
-    cross_motion,
-    dot,
-    inertia_times,
-    moved_wrench,
-    plus,
-    put,
-    six,
-    times,
-    transposed_times,
-    tree_arrays,
-)
+from vsf_drake.simulation.stepping.tree import Motion, Six, Three, Tree, TreeArrays
 
 if TYPE_CHECKING:
     from vsf_drake.simulation.stepping.stepper import Record
@@ -112,9 +83,10 @@ def carry(
     for j in range(C):
         b = directions.body[j]
         if tangent.touched[b]:
-            S = six(tangent.S, j)
-            K_S = times(tangent.measured_K, b, S)
-            P_S = plus(times(tangent.measured_shift, b, S), times(tangent.measured_K, b, six(tangent.end, j)), -1.0)
+            S = rb.six(tangent.S, j)
+            K_S = rb.times(tangent.measured_K, b, S)
+            K_end = rb.times(tangent.measured_K, b, rb.six(tangent.end, j))
+            P_S = rb.plus(rb.times(tangent.measured_shift, b, S), K_end, -1.0)
             for i in range(6):
                 for p in range(P):
                     wrench[i, p] += P_S[i] * tangent.q[j, p] - K_S[i] * end[j, p]
@@ -181,11 +153,12 @@ def rest_sensitivity(
     `prescribed` are indices of the coordinates that are held; fulcrum (m from A), height of the ground (m). InputError
     if no force holds one of the others at rest, so that its rest has no derivative.
     """
-    h, dofs = 1e-3, split_coordinates(tree, forces, prescribed)
-    workspace, arrays = step_workspace(tree, forces, dofs), tree_arrays(tree)
+    h, dofs = 1e-3, assembly.split_coordinates(tree, forces, prescribed)
+    workspace, arrays = assembly.step_workspace(tree, forces, dofs), rb.tree_arrays(tree)
     directions = make_directions(tree, forces, dofs, tangents, measured=np.zeros(len(forces.sites), dtype=bool))
     tangent = tangent_workspace(tree, dofs, directions)
-    end, v, sites, support = q.copy(), np.zeros_like(q), np.zeros((len(forces.sites), len(SITE_RECORD))), np.zeros(3)
+    end, v, support = q.copy(), np.zeros_like(q), np.zeros(3)
+    sites = np.zeros((len(forces.sites), len(assembly.SITE_RECORD)))
 
     # At rest dv0 = dv = 0 over any step: the free directions must balance, Gq_free dq = -(Gq_prescribed unit + E).
     step(h, arrays, forces, dofs, workspace, ground, 0.0, fulcrum, q[prescribed], np.zeros((0, 0)), np.zeros(0),
@@ -235,7 +208,7 @@ def linearise(
     _rows(h, tree.bodies, directions, workspace, tangent)
     _springs(h, forces, dofs, directions, q0, v, tangent)
     if forces.fulcrum[0] > 0.0:
-        add_support_tangent(h, forces, dofs, directions, workspace, tangent, support)
+        assembly.add_support_tangent(h, forces, dofs, directions, workspace, tangent, support)
 
 
 @internal
@@ -249,7 +222,7 @@ def _direction_motions(directions: TangentDirections, workspace: Workspace, tang
     for j in range(directions.body.shape[0]):
         c, b, parent = directions.coordinate[j], directions.body[j], directions.parent[j]
         if c >= 0:
-            S = six(motion.S, c)
+            S = rb.six(motion.S, c)
         else:  # of the mount: from the body's frame to W's axes and origin
             R, p, m = motion.R, motion.p, directions.mount
             wx = R[b, 0, 0] * m[j, 0] + R[b, 0, 1] * m[j, 1] + R[b, 0, 2] * m[j, 2]
@@ -260,12 +233,12 @@ def _direction_motions(directions: TangentDirections, workspace: Workspace, tang
                  R[b, 0, 0] * m[j, 3] + R[b, 0, 1] * m[j, 4] + R[b, 0, 2] * m[j, 5] + y * wz - z * wy,
                  R[b, 1, 0] * m[j, 3] + R[b, 1, 1] * m[j, 4] + R[b, 1, 2] * m[j, 5] + z * wx - x * wz,
                  R[b, 2, 0] * m[j, 3] + R[b, 2, 1] * m[j, 4] + R[b, 2, 2] * m[j, 5] + x * wy - y * wx)
-        rate = cross_motion(six(motion.V, parent), S)
-        put(tangent.S, j, S)
-        put(tangent.rate, j, rate)
-        put(tangent.second, j, plus(cross_motion(six(motion.A, parent), S),
-                                    cross_motion(six(motion.V, parent), rate), 1.0))
-        put(tangent.end, j, cross_motion(six(workspace.contact.V, parent), S))
+        rate = rb.cross_motion(rb.six(motion.V, parent), S)
+        rb.put(tangent.S, j, S)
+        rb.put(tangent.rate, j, rate)
+        rb.put(tangent.second, j, rb.plus(rb.cross_motion(rb.six(motion.A, parent), S),
+                                    rb.cross_motion(rb.six(motion.V, parent), rate), 1.0))
+        rb.put(tangent.end, j, rb.cross_motion(rb.six(workspace.contact.V, parent), S))
 
 
 @internal
@@ -279,17 +252,18 @@ def _coriolis(tree: TreeArrays, dofs: FreePrescribed, motion: Motion, tangent: T
         b = tree.links[dofs.moving[k], 2]
         C[b, :, :] = 0.0
         if tree.inertias[b, 0] > 0.0:
-            v = six(motion.V, b)
-            momentum = inertia_times(motion.own, b, v)
+            v = rb.six(motion.V, b)
+            momentum = rb.inertia_times(motion.own, b, v)
             for i in range(6):
                 e = (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0,
                      1.0 if i == 3 else 0.0, 1.0 if i == 4 else 0.0, 1.0 if i == 5 else 0.0)
-                column = plus(cross_force(v, inertia_times(motion.own, b, e)), cross_force(e, momentum), 1.0)
-                add_column(C, b, i, plus(column, inertia_times(motion.own, b, cross_motion(v, e)), -1.0))
+                I_e = rb.inertia_times(motion.own, b, e)
+                column = rb.plus(rb.cross_force(v, I_e), rb.cross_force(e, momentum), 1.0)
+                rb.add_column(C, b, i, rb.plus(column, rb.inertia_times(motion.own, b, rb.cross_motion(v, e)), -1.0))
     for k in range(dofs.moving.shape[0] - 1, -1, -1):
         parent, b = tree.links[dofs.moving[k], 1], tree.links[dofs.moving[k], 2]
         if dofs.body_moves[parent]:
-            add_composite(C, parent, b)
+            rb.add_composite(C, parent, b)
 
 
 @internal
@@ -313,45 +287,45 @@ def _rows(h: float, bodies: np.ndarray, directions: TangentDirections, workspace
             continue
         # What the direction changes in the wrench that a joint inboard of it must give: by displacement, by velocity,
         # by acceleration, and in contact by the end velocity.
-        b, S, rate, end = directions.body[j], six(tangent.S, j), six(tangent.rate, j), six(tangent.end, j)
-        by_q = plus(times(coriolis, b, rate), inertia_times(composite, b, six(tangent.second, j)), 1.0)
-        by_q = plus(by_q, cross_force(S, six(motion.f, b)), 1.0)
-        by_v = plus(times(coriolis, b, S), inertia_times(composite, b, rate), 2.0)
-        momentum, by_end = inertia_times(composite, b, S), REST
+        b, S, rate, end = directions.body[j], rb.six(tangent.S, j), rb.six(tangent.rate, j), rb.six(tangent.end, j)
+        by_q = rb.plus(rb.times(coriolis, b, rate), rb.inertia_times(composite, b, rb.six(tangent.second, j)), 1.0)
+        by_q = rb.plus(by_q, rb.cross_force(S, rb.six(motion.f, b)), 1.0)
+        by_v = rb.plus(rb.times(coriolis, b, S), rb.inertia_times(composite, b, rate), 2.0)
+        momentum, by_end = rb.inertia_times(composite, b, S), rb.REST
         if contact.loaded[b]:
-            by_q = plus(by_q, times(shift, b, S), -1.0)
-            by_q = plus(by_q, times(K, b, end), 1.0)
-            by_end = times(K, b, S)
+            by_q = rb.plus(by_q, rb.times(shift, b, S), -1.0)
+            by_q = rb.plus(by_q, rb.times(K, b, end), 1.0)
+            by_end = rb.times(K, b, S)
         for i in range(rows.shape[0]):
             if directions.relation[i, j] == OUTBOARD:
-                S_i = six(motion.S, rows[i])
-                mass = dot(S_i, momentum)
-                tangent.Gq[i, j] = dot(S_i, by_q)
-                tangent.Gv[i, j] = dot(S_i, by_v) - mass / h
-                tangent.B[i, j] = mass + h * dot(S_i, by_end)
+                S_i = rb.six(motion.S, rows[i])
+                mass = rb.dot(S_i, momentum)
+                tangent.Gq[i, j] = rb.dot(S_i, by_q)
+                tangent.Gv[i, j] = rb.dot(S_i, by_v) - mass / h
+                tangent.B[i, j] = mass + h * rb.dot(S_i, by_end)
 
     # A direction inboard of the row's joint turns that too: its rates, accelerations, displacements and end velocities
     # meet there what the joint's own motion would be met by. S_i turns along by S_j x S_i, and so does f, so that
     # S_i . f stays; the ground's wrench F does not: - (S_j x S_i) . F = - (S_i x* F) . S_j.
     for i in range(rows.shape[0]):
         c = rows[i]
-        b, S = bodies[c], six(motion.S, c)
-        by_rate, by_second = transposed_times(coriolis, b, S), inertia_times(composite, b, S)
-        by_shift, by_end = REST, REST
+        b, S = bodies[c], rb.six(motion.S, c)
+        by_rate, by_second = rb.transposed_times(coriolis, b, S), rb.inertia_times(composite, b, S)
+        by_shift, by_end = rb.REST, rb.REST
         if contact.loaded[b]:
-            by_shift = plus(transposed_times(shift, b, S), cross_force(S, six(contact.F, b)), 1.0)
-            by_end = transposed_times(K, b, S)
+            by_shift = rb.plus(rb.transposed_times(shift, b, S), rb.cross_force(S, rb.six(contact.F, b)), 1.0)
+            by_end = rb.transposed_times(K, b, S)
         for j in range(directions.body.shape[0]):
             if directions.relation[i, j] == INBOARD:
-                S_j, rate = six(tangent.S, j), six(tangent.rate, j)
-                mass = dot(by_second, S_j)
-                tangent.Gq[i, j] = (dot(by_rate, rate) + dot(by_second, six(tangent.second, j))
-                                    + dot(by_end, six(tangent.end, j)) - dot(by_shift, S_j))
-                tangent.Gv[i, j] = dot(by_rate, S_j) + 2.0 * dot(by_second, rate) - mass / h
-                tangent.B[i, j] = mass + h * dot(by_end, S_j)
+                S_j, rate = rb.six(tangent.S, j), rb.six(tangent.rate, j)
+                mass = rb.dot(by_second, S_j)
+                tangent.Gq[i, j] = (rb.dot(by_rate, rate) + rb.dot(by_second, rb.six(tangent.second, j))
+                                    + rb.dot(by_end, rb.six(tangent.end, j)) - rb.dot(by_shift, S_j))
+                tangent.Gv[i, j] = rb.dot(by_rate, S_j) + 2.0 * rb.dot(by_second, rate) - mass / h
+                tangent.B[i, j] = mass + h * rb.dot(by_end, S_j)
         if tangent.touched[b]:
             for p in range(tangent.E.shape[1]):
-                tangent.E[i, p] -= dot(S, six(tangent.dF[b], p))
+                tangent.E[i, p] -= rb.dot(S, rb.six(tangent.dF[b], p))
 
 
 @internal
@@ -392,7 +366,8 @@ def _springs(
 
 _CHANGED = ("p_BS_z", "stiffness", "exponent", "damping", "full_damping_depth", "mu_static", "mu_kinetic",
             "threshold_velocity")
-RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD = map(SITE_COLUMNS.index, _CHANGED)
+RISE, STIFFNESS, EXPONENT, DAMPING, FULL_DEPTH, MU_STATIC, MU_KINETIC, THRESHOLD = map(
+    assembly.SITE_COLUMNS.index, _CHANGED)
 """Columns of a site that parameters change."""
 
 
@@ -425,13 +400,13 @@ def _add_site_tangents(
         if not tangent.touched[b]:
             continue
         tangent.touched[parent] = True
-        add_composite(tangent.measured_shift, parent, b)
-        add_composite(tangent.measured_K, parent, b)
+        rb.add_composite(tangent.measured_shift, parent, b)
+        rb.add_composite(tangent.measured_K, parent, b)
         for p in range(tangent.dF.shape[1]):
             for i in range(6):
                 tangent.dF[parent, p, i] += tangent.dF[b, p, i]
         if dofs.body_moves[parent]:
-            add_composite(tangent.shift, parent, b)
+            rb.add_composite(tangent.shift, parent, b)
 
 
 @internal
@@ -452,7 +427,7 @@ def _site(
     ratio = -fx / (fn * vx) if abs(vx) > abs(vy) else (-fy / (fn * vy) if vy != 0.0 else 0.0)
     by_depth = contact.elastic[s]
     along_x, along_y = ratio * vx * by_depth, ratio * vy * by_depth
-    K = site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
+    K = assembly.site_tangent(forces.sites, s, contact.gain[s], sites, EXACT)
 
     # Velocity of the sphere's centre, and where the contact point is at the end of the step.
     ox, oy = V[b, 3] + wy * top - wz * y, V[b, 4] + wz * x - wx * top
@@ -470,16 +445,16 @@ def _site(
         uy = sz * vx - sx * vz + radius * (wz * sy)
         uz = sx * vy - sy * vx - radius * (wx * sx + wy * sy)
         gx, gy, gz = site_force_derivative(K, along_x, along_y, by_depth, ux, uy, uz, cz)
-        add_column(tangent.shift, b, i, moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
+        rb.add_column(tangent.shift, b, i, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
         if measured:
-            add_column(tangent.measured_shift, b, i, moved_wrench(
+            rb.add_column(tangent.measured_shift, b, i, rb.moved_wrench(
                 x1, y1, z1, gx, gy, gz, fx, fy, fn,
                 cx + h * (sy * vz - sz * oy), cy + h * (sz * ox - sx * vz), cz + h * uz))
 
             # Velocity u of the body: -K u, and the point's way over the step.
             ux, uy, uz = lx + sy * z - sz * y, ly + sz * x - sx * z, lz + sx * y - sy * x
             gx, gy, gz = site_force_derivative(K, 0.0, 0.0, 0.0, ux, uy, uz, 0.0)
-            add_column(tangent.measured_K, b, i, moved_wrench(
+            rb.add_column(tangent.measured_K, b, i, rb.moved_wrench(
                 x1, y1, z1, -gx, -gy, -gz, fx, fy, fn,
                 -h * (lx + sy * top - sz * y), -h * (ly + sz * x - sx * top), -h * uz))
 
@@ -498,9 +473,9 @@ def _site(
         else:
             gz = unit * _normal_derivative(forces.sites, s, column, sites[s, 0], sites[s, 4])
             gx, gy = -ratio * vx * gz, -ratio * vy * gz  # friction is in proportion to the normal force
-        add(tangent.dF[b], p, moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
+        rb.add(tangent.dF[b], p, rb.moved_wrench(x, y, z, gx, gy, gz, fx, fy, fn, cx, cy, cz))
         if measured:
-            add(tangent.dT, p, moved_wrench(
+            rb.add(tangent.dT, p, rb.moved_wrench(
                 x1, y1, z1, gx, gy, gz, fx, fy, fn, cx + h * ux, cy + h * uy, cz + h * uz))
 
 

@@ -23,17 +23,8 @@ from pydrake.systems.framework import Context
 
 from vsf_drake.errors import SimulationError
 from vsf_drake.laws.compiled import compiled
-from vsf_drake.simulation.stepping.assembly import (
-    SITE_COLUMNS,
-    SITE_RECORD,
-    SPRING_COLUMNS,
-    TOLERANCE,
-    Forces,
-    FreePrescribed,
-    Workspace,
-    split_coordinates,
-    step_workspace,
-)
+from vsf_drake.simulation.stepping import assembly
+from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import ParameterTangent, Tangent, TangentDirections
 from vsf_drake.simulation.stepping.newton import copy, step
 from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, carry, write_state
@@ -94,7 +85,9 @@ class Stepper:
     `assembly.Workspace`. ValueError if the plant's Context no longer holds what the mechanism was read from.
     """
 
-    def __init__(self, mechanism: Mechanism, *, dynamics: str = "compiled", tolerance: float = TOLERANCE) -> None:
+    def __init__(
+        self, mechanism: Mechanism, *, dynamics: str = "compiled", tolerance: float = assembly.TOLERANCE
+    ) -> None:
         if dynamics not in DYNAMICS:
             raise ValueError(f"dynamics is {dynamics!r}, but must be one of {', '.join(DYNAMICS)}")
         if dynamics == "drake":
@@ -106,14 +99,8 @@ class Stepper:
         self.tree = tree_arrays(mechanism.tree)
 
     def run(
-        self,
-        inputs: Inputs,
-        q0: np.ndarray,
-        v0: np.ndarray,
-        *,
-        forward: ForwardSensitivity | None = None,
-        stop: Callable[[int, Record], bool] | None = None,
-        progress: Callable[[float], None] | None = None,
+        self, inputs: Inputs, q0: np.ndarray, v0: np.ndarray, *, forward: ForwardSensitivity | None = None,
+        stop: Callable[[int, Record], bool] | None = None, progress: Callable[[float], None] | None = None
     ) -> Record:
         """Advances from `q0`, `v0` over the grid of `inputs`, with sensitivities to what `forward` holds.
 
@@ -126,8 +113,8 @@ class Stepper:
             raise ValueError("sensitivities need the compiled dynamics, and no torques")
         record = _empty_record(drive, q0, v0, sites=len(m.sites), forward=forward)
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
-        dofs = split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
-        workspace = step_workspace(m.tree, forces, dofs, self.tolerance)
+        dofs = assembly.split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
+        workspace = assembly.step_workspace(m.tree, forces, dofs, self.tolerance)
         directions, tangent = (None, None) if forward is None else forward.prepare(m.tree, forces, dofs)
         go = advance if self.dynamics == "compiled" else partial(
             advance.py_func, dynamics=_drakes_dynamics(m.plant, m.context))
@@ -180,8 +167,8 @@ class Stepper:
         """
         m = self.mechanism
         sites, springs, fulcrum = m.sites.copy(), m.springs.copy(), m.fulcrum.copy()
-        columns = [SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")]
-        sites[:, columns], springs[:, SPRING_COLUMNS.index("damping")], fulcrum[1] = 0.0, 0.0, 0.0
+        columns = [assembly.SITE_COLUMNS.index(name) for name in ("damping", "mu_static", "mu_kinetic")]
+        sites[:, columns], springs[:, assembly.SPRING_COLUMNS.index("damping")], fulcrum[1] = 0.0, 0.0, 0.0
         undamped = dataclasses.replace(m, sites=sites, springs=springs, fulcrum=fulcrum)
         stepper = Stepper(undamped, dynamics=self.dynamics, tolerance=SETTLED_TOLERANCE)
         held = Inputs(
@@ -234,7 +221,7 @@ class Record(NamedTuple):
 
     def site(self, column: str) -> np.ndarray:
         """(n, S) column of the sites' record by its name."""
-        return self.sites[:, :, SITE_RECORD.index(column)]
+        return self.sites[:, :, assembly.SITE_RECORD.index(column)]
 
     def counts(self, steps: int | None = None) -> dict[str, int]:
         """Of the first `steps`, how many were accepted without convergence, and how many were cut to converge."""
@@ -248,7 +235,7 @@ def _empty_record(
     """Workspace for a run from q0, v0 with so many sites."""
     steps, n, P = len(drive.time_s) - 1, len(q0), 0 if forward is None else len(forward.tangents)
     state = (steps if forward is not None and forward.loads else 0, n, P)
-    shapes = {"q": (steps, n), "v": (steps, n), "load": (steps, n), "sites": (steps, sites, len(SITE_RECORD)),
+    shapes = {"q": (steps, n), "v": (steps, n), "load": (steps, n), "sites": (steps, sites, len(assembly.SITE_RECORD)),
               "fulcrum": (steps, 3), "wrench_by": (steps, 6, P), "load_by": state, "q_by": state, "v_by": state}
     return Record(
         time_s=drive.time_s[1:].copy(), q0=np.array(q0), v0=np.array(v0), iterations=np.zeros(steps, dtype=np.int64),
