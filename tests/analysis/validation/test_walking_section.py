@@ -30,7 +30,7 @@ from vsf_drake.analysis.validation.walking_section import (
     corrected_deg,
     differing_regions,
     ensembles,
-    free_moment_rmse,
+    free_moment_errors,
     lag,
     lags_ms,
     mean_curves,
@@ -270,7 +270,7 @@ def pair(plate_nm, model_nm, **changes):
 
 
 def moment_rmse(walk, plate):
-    return free_moment_rmse(walk, plate, compare(walk, plate))
+    return free_moment_errors(walk, plate, compare(walk, plate))[0]
 
 
 def test_two_constant_moments_differ_by_their_difference_and_no_sign_is_forgiven():
@@ -419,8 +419,8 @@ def test_one_bare_trial_has_its_numbers_and_names_what_is_not_there(monkeypatch)
     found = of_one(with_plate(walk, force_W=force, has_cop=False, cop_W=np.full_like(plate.cop_W, np.nan),
                               free_moment_nm=np.zeros_like(plate.free_moment_nm)))
     row, = found.table.rows
-    for key in ("cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2", "free_moment_rmse_nm", "medio_lateral_rmse_bw",
-                "beats_null"):
+    for key in ("cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2", "free_moment_rmse_nm", "free_moment_r2",
+                "medio_lateral_rmse_bw", "beats_null"):
         assert getattr(row, key) is None, key
     assert row.grf_rmse_bw == pytest.approx(walk.metrics.grf_rmse_bw, rel=0.1)
     assert found.table.stance_r is None and found.table.stance_n == 1

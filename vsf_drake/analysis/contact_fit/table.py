@@ -70,6 +70,7 @@ class ParameterRow:
     high: float | None = None
     prior_mean: float | None = None
     prior_scale: float | None = None
+    logarithmic: bool = False  # `prior_scale` is that of the value's logarithm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +168,8 @@ def _parameters(solution: ContactFitSolution) -> tuple[ParameterRow, ...]:
     for item in solution.fit.parameters.items:
         row = ParameterRow(
             name=item.name, unit=item.unit, value=values[item.name], start=item.start, frozen=item.frozen,
-            low=item.low, high=item.high, prior_mean=item.mean, prior_scale=item.scale)
+            low=item.low, high=item.high, prior_mean=item.mean, prior_scale=item.scale,
+            logarithmic=item.logarithmic)
         if not item.frozen:
             i, ends = told.names.index(item.name), [one[item.name] for one in alike]
             low, high = map(float, told.interval[i])

@@ -19,6 +19,7 @@ from vsf_drake.analysis.comparison import (
     cumulative_integral,
     filtered_while_loaded,
     percent_instants,
+    r_squared,
     rmse,
     uniform_grid,
 )
@@ -82,6 +83,7 @@ class WalkRow:
     stance_error_s: float | None
     beats_null: bool | None
     free_moment_rmse_nm: float | None  # over all stances; None where the plate has no centre of pressure or none of it
+    free_moment_r2: float | None
     sweep: SweepEntry | None
 
 
@@ -211,13 +213,13 @@ _TAKEN = _TAKEN[_TAKEN.index("grf_rmse_bw") : _TAKEN.index("null_model_grf_rmse_
 def _walk_row(walk: StudyWalk, sweep: FulcrumSweep) -> WalkRow:
     metrics = walk.metrics
     measured, model, null = metrics.stance_measured_s, metrics.stance_model_s, metrics.null_model_grf_rmse_bw
+    moment_rmse, moment_r2 = free_moment_errors(walk.result, walk.recorded.prosthetic_plate, walk.comparison)
     return WalkRow(
         label=walk.label, role=walk.role, fulcrum_mm=walk.fulcrum_mm,
         **{key: plain(getattr(metrics, key)) for key in _TAKEN},
         stance_error_s=None if measured is None or model is None else model - measured,
         beats_null=None if null is None or metrics.grf_rmse_bw is None else metrics.grf_rmse_bw < null,
-        free_moment_rmse_nm=free_moment_rmse(walk.result, walk.recorded.prosthetic_plate, walk.comparison),
-        sweep=sweep_entry(sweep))
+        free_moment_rmse_nm=moment_rmse, free_moment_r2=moment_r2, sweep=sweep_entry(sweep))
 
 
 # How well the joints follow what they were told: phase lag, and what a fit changed of the recorded angles.
@@ -282,7 +284,7 @@ def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray) -> floa
 SCORED = (
     "grf_rmse_bw", "grf_r2", "impulse_rmse_bws", "cop_rmse_fl", "cop_ml_rmse_fl", "cop_r2", "stance_measured_s",
     "stance_model_s", "heel_strike_error_s", "toe_off_error_s", "vertical_rmse_bw", "fore_aft_rmse_bw",
-    "medio_lateral_rmse_bw", "free_moment_rmse_nm")
+    "medio_lateral_rmse_bw", "free_moment_rmse_nm", "free_moment_r2")
 """Keys of a row that are averaged over the walks of a condition."""
 WORST = ("grf_rmse_bw", "impulse_rmse_bws", "cop_rmse_fl")
 LEAST_FOR_R = 3
@@ -458,12 +460,13 @@ def stance_free_moments(result: WalkResult, plate: PlateRecording, stance: Stanc
     return moments
 
 
-def free_moment_rmse(result: WalkResult, plate: PlateRecording, comparison: Comparison) -> float | None:
-    """N m, over all stances."""
+def free_moment_errors(result: WalkResult, plate: PlateRecording, comparison: Comparison
+                       ) -> tuple[float | None, float | None]:
+    """Root mean square (N m) and R², over all stances."""
     stances = comparison.stances if has_free_moment(plate) else ()
     pairs = np.hstack([np.empty((2, 0)), *(stance_free_moments(result, plate, stance) for stance in stances)])
     measured, model = pairs[:, np.isfinite(pairs).all(axis=0)]
-    return finite(rmse(model, measured))
+    return finite(rmse(model, measured)), finite(r_squared(model, measured))
 
 
 # Where on the curve model and measurement differ: statistical parametric mapping, or pointwise bootstrap bands.
