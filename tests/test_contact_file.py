@@ -86,16 +86,6 @@ def test_what_is_no_contact_is_refused_with_file_and_key(tmp_path, change, words
         assert word in str(caught.value)
 
 
-def test_a_file_that_was_cut_between_its_keys_is_refused(tmp_path):
-    path, keys = tmp_path / "contact.yaml", ("values:", "curves:", "trials:", "provenance:")
-    save_contact(made_contact(), path)
-    text = path.read_text(encoding="utf-8")
-    for key in keys:
-        path.write_text(text[: text.index(f"\n{key}") + 1], encoding="utf-8")
-        with pytest.raises(InputError, match="cut short"):
-            load_contact(path)
-
-
 def test_what_cannot_be_read_back_is_not_written(tmp_path):
     path = tmp_path / "contact.yaml"
     save_contact(made_contact(), path)

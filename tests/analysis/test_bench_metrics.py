@@ -8,23 +8,17 @@ import numpy as np
 import pytest
 from made_results import BENCH_PARAMETERS, make_bench, make_setting
 
-from vsf_drake.analysis.bench_metrics import (
-    bench_table,
-    closed_form_stiffness,
-    displacement,
-    mid_range_displacement,
-    stiffness,
-)
+from vsf_drake.analysis import bench_metrics
 from vsf_drake.errors import InputError
 
 
 def test_foam_below_200_newton_does_not_count():
     x = np.array([0.0, 0.1, 0.11, 0.13])
     load = np.array([0.0, 200.0, 400.0, 800.0])
-    assert stiffness(x, load) == pytest.approx(20e3)
-    assert mid_range_displacement(x, load) == pytest.approx(0.11)
+    assert bench_metrics.stiffness(x, load) == pytest.approx(20e3)
+    assert bench_metrics.mid_range_displacement(x, load) == pytest.approx(0.11)
     with pytest.raises(InputError, match="never loaded"):
-        mid_range_displacement(x, 0.0 * x)
+        bench_metrics.mid_range_displacement(x, 0.0 * x)
 
 
 @pytest.mark.parametrize("samples", [30, 301, 3001])
@@ -33,7 +27,7 @@ def test_stiffness_does_not_depend_on_sampling(samples):
     x = np.sort(np.concatenate(([0.0, 0.055], rng.uniform(0.0, 0.055, samples))))
     load = 8e3 * x + 9e4 * x**2
     crossing = (-8e3 + np.sqrt(8e3**2 + 4.0 * 9e4 * 200.0)) / (2.0 * 9e4)
-    assert stiffness(x, load) == pytest.approx(8e3 + 9e4 * (crossing + 0.055), rel=2e-3)
+    assert bench_metrics.stiffness(x, load) == pytest.approx(8e3 + 9e4 * (crossing + 0.055), rel=2e-3)
 
 
 @pytest.mark.parametrize(("x", "load", "message"), [
@@ -43,7 +37,7 @@ def test_stiffness_does_not_depend_on_sampling(samples):
     ([0.0, 0.01, 0.02, 0.03], [0.0, 100.0, np.nan, 400.0], "not finite")])
 def test_curve_without_a_mean_slope_is_refused_with_the_reason(x, load, message):
     with pytest.raises(InputError, match=f"bench, heel.*{message}"):
-        stiffness(np.array(x), np.array(load), where="bench, heel")
+        bench_metrics.stiffness(np.array(x), np.array(load), where="bench, heel")
 
 
 def test_curve_that_starts_under_load_is_refused():
@@ -51,11 +45,11 @@ def test_curve_that_starts_under_load_is_refused():
     late = dataclasses.replace(setting, time_s=setting.time_s[100:], platen_m=setting.platen_m[100:],
                                load_n=setting.load_n[100:])
     with pytest.raises(InputError, match="fulcrum at 66 mm: the load-displacement curve starts at"):
-        displacement(late)
+        bench_metrics.displacement(late)
 
 
 def test_table_holds_what_was_put_in():
-    table = bench_table(make_bench())
+    table = bench_metrics.bench_table(make_bench())
     assert [row.fulcrum_mm for row in table.settings] == [66.0, 87.0, 108.0, 129.0, 151.0]
     for row, k in zip(table.settings, (10.0, 14.1, 18.9, 24.8, 32.0), strict=True):
         assert (row.stiffness_n_per_mm, row.mid_range_displacement_mm, row.max_load_n) == pytest.approx(
@@ -63,13 +57,13 @@ def test_table_holds_what_was_put_in():
     assert table.heel_stiffness_n_per_mm == pytest.approx(65.0) and table.speed_mm_per_min == pytest.approx(50.0)
     assert [row.published_n_per_mm for row in table.settings] == [10.0, None, None, None, 32.0]
     bare = make_bench()
-    bare = bench_table(dataclasses.replace(bare, settings=bare.forefoot[:2]))
+    bare = bench_metrics.bench_table(dataclasses.replace(bare, settings=bare.forefoot[:2]))
     assert bare.heel_stiffness_n_per_mm is None and len(bare.settings) == 2
 
 
 def test_closed_form_with_the_nominal_section_gives_the_published_range():
     """Two compliances (fulcrum 236, series 54.8 N/mm) reconcile 27.1 N m² with 10 and 32 N/mm."""
-    k = closed_form_stiffness(BENCH_PARAMETERS, np.array([0.066, 0.151]))
+    k = bench_metrics.closed_form_stiffness(BENCH_PARAMETERS, np.array([0.066, 0.151]))
     np.testing.assert_allclose(k, [10e3, 32e3], rtol=0.01)
 
 
@@ -77,6 +71,6 @@ def test_the_foam_counts_with_its_mean_slope_between_the_loads():
     """x = (F / k)^(1/n): 400 N over the depth between 200 and 600 N, in series with the beam."""
     foam = {"series_stiffness_n_per_m": 2e5, "series_exponent": 1.3}
     depth = (600.0 / 2e5) ** (1.0 / 1.3) - (200.0 / 2e5) ** (1.0 / 1.3)
-    soft, stiff = (1.0 / closed_form_stiffness(BENCH_PARAMETERS | more, 0.1)
+    soft, stiff = (1.0 / bench_metrics.closed_form_stiffness(BENCH_PARAMETERS | more, 0.1)
                    for more in (foam, {"series_stiffness_n_per_m": 1e30}))
     assert soft == pytest.approx(stiff + depth / 400.0, rel=1e-9)

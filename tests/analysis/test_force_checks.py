@@ -5,21 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vsf_drake.analysis.recording import force_checks
 from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity, turns_in_stance
-from vsf_drake.analysis.recording.force_checks import (
-    clearance,
-    cop_under_foot,
-    covered,
-    depth,
-    drift,
-    heights,
-    lag,
-    mass,
-    shear,
-    slip,
-    sole_angle,
-    touch_down,
-)
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.parameters import GRAVITY
@@ -85,7 +72,7 @@ def test_foot_that_turns_with_its_shank_is_known_where_the_record_starts_in_stan
 def test_slip_is_marked_by_what_it_costs(speed, mark):
     """A fit of the offsets leaves 0.6 % of body weight for a cm/s forward: 3 % at 0.05 m/s, 10 % at 0.17."""
     foot = made_foot(slide_m_per_s=speed)
-    check = slip(foot, flat(foot))
+    check = force_checks.slip(foot, flat(foot))
     assert check.mark == mark and check.cost_bw == pytest.approx(0.6 * speed, rel=0.02)
     assert check.value == pytest.approx(speed, abs=1e-3) and f"{speed:.3f} m/s" in check.sentence
 
@@ -106,7 +93,7 @@ def test_rolling_wheel_does_not_slip_where_it_touches():
 @pytest.mark.parametrize(("angle", "mark"), [(0.3, "good"), (-2.0, "doubtful"), (9.0, "unusable")])
 def test_sole_angle_is_signed_toe_up_and_marked_by_its_cost(angle, mark):
     foot = made_foot(pitch_deg=angle)
-    check = sole_angle(foot, flat(foot))
+    check = force_checks.sole_angle(foot, flat(foot))
     assert check.value == pytest.approx(angle, abs=0.3)
     assert check.mark == mark and ("toe up" if angle > 0 else "toe down") in check.sentence
 
@@ -115,21 +102,21 @@ def test_sole_angle_is_signed_toe_up_and_marked_by_its_cost(angle, mark):
 def test_drift_is_the_rise_through_foot_flat(rate, mark):
     foot = made_foot(rise_m_per_s=rate, rolls=False)
     rows = flat(foot)
-    check = drift(foot, rows)
+    check = force_checks.drift(foot, rows)
     assert check.value == pytest.approx(1e3 * rate * (TIME[rows[-1]] - TIME[rows[0]]), abs=1e-6)
     assert check.mark == mark and ("rises" if rate > 0 else "sinks") in check.sentence
 
 
 def test_height_is_that_of_the_flat_sole_and_stances_at_different_heights_are_told_apart():
     foot = made_foot(sole_m=-0.012)
-    [check] = heights(foot, [flat(foot)])
+    [check] = force_checks.heights(foot, [flat(foot)])
     assert check.value == pytest.approx(-12.0, abs=1.0)  # the rolling at both ends lifts the middle a little
     assert check.mark == "doubtful" and "below the floor" in check.sentence
     foot = made_foot(rolls=False)
     rows = flat(foot)
     foot.heel_W[rows[len(rows) // 2 :], 2] += 0.006
     foot.toe_W[rows[len(rows) // 2 :], 2] += 0.006
-    _, check = heights(foot, [rows[: len(rows) // 2], rows[len(rows) // 2 :]])
+    _, check = force_checks.heights(foot, [rows[: len(rows) // 2], rows[len(rows) // 2 :]])
     assert check.value == pytest.approx(6.0, abs=1e-6) and check.mark == "doubtful"
 
 
@@ -138,7 +125,7 @@ def test_clearance_is_the_lowest_point_in_mid_swing(lift, mark):
     foot = made_foot()
     swing = foot.rows(STANCE.end_s, 1.9)
     foot.lowest_m[swing] = lift + 0.02 * np.abs(TIME[swing] - 1.55)
-    check = clearance(foot, [STANCE, Stance(1.9, 2.6)])
+    check = force_checks.clearance(foot, [STANCE, Stance(1.9, 2.6)])
     assert check.value == pytest.approx(1e3 * lift, abs=0.5) and check.mark == mark
 
 
@@ -146,13 +133,13 @@ def test_foot_that_floats_or_dives_is_found_and_depth_held_against_what_the_foot
     foot = made_foot(swing_m=0.0)
     for offset, mark in ((0.0, "good"), (0.02, "doubtful"), (-0.08, "unusable")):
         foot.lowest_m[:] = offset
-        check = touch_down(foot, [STANCE])
+        check = force_checks.touch_down(foot, [STANCE])
         assert check.value == pytest.approx(1e3 * offset, abs=1e-6) and check.mark == mark
     for deep, mark in ((0.03, "good"), (0.08, "doubtful"), (0.2, "unusable"), (-0.01, "doubtful")):
         foot.lowest_m[:] = -deep
-        assert depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.151).mark == mark
+        assert force_checks.depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.151).mark == mark
     foot.lowest_m[:] = -0.08
-    assert depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.066).mark == "good"  # a softer keel
+    assert force_checks.depth(foot, [STANCE], mass_kg=78.0, fulcrum_m=0.066).mark == "good"  # a softer keel
 
 
 # Mass, lag and plates: a body bobs over two feet, and its forces are Newton's.
@@ -196,7 +183,7 @@ def total(under):
 def known_time(under, stances):
     measured = {side: find_stances(plate.time_s, plate.force_W[:, 2]) for side, plate in under.items()}
     moving = {side: [Stance(0.0, PHASES[side][0] - STEP_S + OVERLAP_S, False), *s] for side, s in stances.items()}
-    return covered(LONG, under, measured, moving)
+    return force_checks.covered(LONG, under, measured, moving)
 
 
 def test_only_time_in_which_every_foot_on_the_ground_is_measured_counts():
@@ -210,18 +197,18 @@ def test_only_time_in_which_every_foot_on_the_ground_is_measured_counts():
 def test_mass_is_told_by_the_impulse(stated):
     under, stances = plates()
     known = known_time(under, stances) & (LONG > 0.8) & (LONG < 2.3)
-    check = mass(LONG, total(under), rates(LONG)[0], known, mass_kg=stated, feet=2)
+    check = force_checks.mass(LONG, total(under), rates(LONG)[0], known, mass_kg=stated, feet=2)
     assert check.value == pytest.approx(MASS, rel=0.002)
     assert check.mark == ("good" if stated == MASS else "doubtful" if stated > MASS else "unusable")
     assert ("agree" if stated == MASS else "-9 %" if stated > MASS else "+11 %") in check.sentence
-    untold = mass(LONG, total(under), rates(LONG)[0], np.zeros(len(LONG), bool), mass_kg=MASS, feet=1)
+    untold = force_checks.mass(LONG, total(under), rates(LONG)[0], np.zeros(len(LONG), bool), mass_kg=MASS, feet=1)
     assert untold.value is None and "cannot be told" in untold.sentence
 
 
 @pytest.mark.parametrize("late", [0.05, -0.05, 0.006, 0.0])
 def test_lag_of_fifty_milliseconds_is_found_within_five(late):
     under, _ = plates(late_s=late)
-    check = lag(LONG, total(under), rates(LONG)[1], (LONG > 0.9) & (LONG < 2.2))
+    check = force_checks.lag(LONG, total(under), rates(LONG)[1], (LONG > 0.9) & (LONG < 2.2))
     assert check.value == pytest.approx(late, abs=0.005)
     assert check.mark == ("good" if late < 0.01 and late >= 0.0 else "unusable")
     assert check.cost_bw == (0.0 if check.mark == "good" else pytest.approx(2.5 * 0.05, rel=0.1))
@@ -233,7 +220,7 @@ def test_centre_of_pressure_beside_the_foot_is_found(beside, mark):
     heel, toe = np.zeros((n, 3)), np.tile([0.25, 0.0, 0.0], (n, 1))
     foot = FootMotion("left", LONG, heel, toe, heel + np.array([0.0, 0.0, 0.1]), np.zeros(n))
     force, cop = np.tile([0.0, 0.0, 500.0], (n, 1)), np.tile([0.1, beside, 0.0], (n, 1))
-    check = cop_under_foot(foot, PlateRecording(LONG, force, cop, np.zeros(n), True), cop)
+    check = force_checks.cop_under_foot(foot, PlateRecording(LONG, force, cop, np.zeros(n), True), cop)
     assert check.value == pytest.approx(beside, abs=1e-9) and check.mark == mark
 
 
@@ -247,7 +234,7 @@ def test_force_that_points_away_from_the_body_has_a_wrong_sign(signs, mark, word
     cop = np.column_stack([0.2 * (time / 0.7) - 0.1, np.full_like(time, -0.08), 0 * time])
     vertical = MASS * GRAVITY
     force = np.column_stack([vertical * 0.5 * (body - cop)[:, :2] * signs, np.full_like(time, vertical)])
-    check = shear(PlateRecording(time, force, cop, 0 * time, True), body, "right")
+    check = force_checks.shear(PlateRecording(time, force, cop, 0 * time, True), body, "right")
     assert check.mark == mark and words in check.sentence and check.side == "right"
     over = np.column_stack([0 * time, 0 * time, np.full_like(time, 1.0)])
-    assert shear(PlateRecording(time, force, 0 * over, 0 * time, True), over, "left") is None, "it is above"
+    assert force_checks.shear(PlateRecording(time, force, 0 * over, 0 * time, True), over, "left") is None  # above

@@ -7,16 +7,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.analysis.recording.motion_checks import (
-    filtered_before,
-    gaps_filled,
-    knee_axis,
-    leg_lengths,
-    smoothness,
-    spread,
-    walking,
-    zeroed,
-)
+from vsf_drake.analysis.recording import motion_checks
 from vsf_drake.motion.markers.joints import joint_angles
 from vsf_drake.motion.markers.segments import Gap
 
@@ -47,15 +38,16 @@ def test_axis_of_a_knee_measured_about_another_one_is_found(turned_deg, side):
     thigh = Rotation.from_euler("z", (1 if side == "right" else -1) * turned_deg, degrees=True)
     hinge = thigh.inv() * Rotation.from_rotvec(np.outer(bend, [0.0, 1.0, 0.0])) * thigh
     flexion, adduction, _ = joint_angles(hinge.as_matrix(), "knee", side).T
-    check = knee_axis({f"knee_angle_{side[0]}": flexion, f"knee_adduction_{side[0]}": adduction}, side)
+    check = motion_checks.knee_axis({f"knee_angle_{side[0]}": flexion, f"knee_adduction_{side[0]}": adduction}, side)
     assert abs(check.value) == pytest.approx(abs(turned_deg), abs=2.0)
     assert check.mark == ("good" if abs(turned_deg) < 10 else "doubtful") and check.side == side
-    assert knee_axis({f"knee_angle_{side[0]}": 0.1 * flexion, f"knee_adduction_{side[0]}": adduction}, side) is None
+    straight = {f"knee_angle_{side[0]}": 0.1 * flexion, f"knee_adduction_{side[0]}": adduction}
+    assert motion_checks.knee_axis(straight, side) is None
 
 
 def test_angles_that_begin_at_exactly_zero_are_found():
     angles = {name: values - values[0] for name, values in walking_angles().items()}
-    check = zeroed(angles, None, FAST)
+    check = motion_checks.zeroed(angles, None, FAST)
     assert check.mark == "unusable"
     assert "exactly zero" in check.sentence
 
@@ -66,14 +58,14 @@ def test_quiet_standing_at_zero_before_the_walk_is_found():
     speed[:40] = 0.0
     for values in angles.values():
         values[:40] = np.radians(0.05)
-    assert zeroed(angles, None, speed).mark == "unusable"
+    assert motion_checks.zeroed(angles, None, speed).mark == "unusable"
 
 
 def test_shaking_angles_are_not_smooth():
     angles = walking_angles()
-    assert smoothness(TIME, angles).mark == "good"
+    assert motion_checks.smoothness(TIME, angles).mark == "good"
     angles["hip_flexion_r"] = angles["hip_flexion_r"] + np.radians(1.0) * np.sin(2 * np.pi * 25.0 * TIME)
-    check = smoothness(TIME, angles)
+    check = motion_checks.smoothness(TIME, angles)
     assert check.value == pytest.approx(1.0 / np.sqrt(2.0), rel=0.05)
     assert check.mark == "doubtful"
 
@@ -83,7 +75,7 @@ def pelvis(speed=(1.1, 0.0), bob=0.02):
 
 
 def marks(path):
-    return {check.name: check.mark for check in walking(TIME, path)}
+    return {check.name: check.mark for check in motion_checks.walking(TIME, path)}
 
 
 @pytest.mark.parametrize(
@@ -96,18 +88,19 @@ def test_odd_paths_are_named(path, name):
 
 
 def test_worst_marker_is_named_with_its_residual():
-    check = spread("residuals", {"RKNE": 0.004, "LTIB": 0.025})
+    check = motion_checks.spread("residuals", {"RKNE": 0.004, "LTIB": 0.025})
     assert (check.mark, check.value) == ("unusable", pytest.approx(25.0))
     assert "LTIB 25.0" in check.sentence
-    assert spread("residuals", {"RKNE": 0.004}).mark == "good"
-    assert spread("residuals", {}) is None
+    assert motion_checks.spread("residuals", {"RKNE": 0.004}).mark == "good"
+    assert motion_checks.spread("residuals", {}) is None
 
 
 def test_gaps_and_legs_are_held_against_their_limits():
     spline, cluster = Gap("RKNE", 1.0, 1.15, "spline"), Gap("RKNE", 1.0, 1.5, "rigid cluster")
-    assert [gaps_filled(gaps).mark for gaps in ([], [cluster], [spline])] == ["good", "good", "doubtful"]
+    assert [motion_checks.gaps_filled(gaps).mark for gaps in ([], [cluster], [spline])] == ["good", "good", "doubtful"]
     for thigh, shank, marks in ((0.424, 0.40, ["good", "good"]), (0.47, 0.44, ["unusable", "doubtful"])):
-        checks = leg_lengths({"thigh_right": 0.42, "thigh_left": thigh, "shank_right": 0.40, "shank_left": shank})
+        lengths = {"thigh_right": 0.42, "thigh_left": thigh, "shank_right": 0.40, "shank_left": shank}
+        checks = motion_checks.leg_lengths(lengths)
         assert [check.mark for check in checks] == marks, "a prosthetic shank may differ"
 
 
@@ -120,7 +113,7 @@ def noisy_markers(rate=100.0, noise=2e-4):
 
 
 def test_camera_noise_is_measured_and_no_doubt():
-    check = filtered_before(noisy_markers(), 100.0, cutoff_hz=6.0)
+    check = motion_checks.filtered_before(noisy_markers(), 100.0, cutoff_hz=6.0)
     # White noise of 0.2 mm in three directions, of whose spectrum 12 to 50 Hz is 76 %.
     assert check.value == pytest.approx(0.2 * np.sqrt(3 * 0.76), rel=0.15)
     assert check.mark == "good"
@@ -130,6 +123,6 @@ def test_markers_filtered_before_are_suspected_of_a_second_filter():
     sos = butter(2, 6.0 / 0.802, fs=100.0, output="sos")
     smooth = {name: sosfiltfilt(sos, sosfiltfilt(sos, values, axis=0), axis=0)
               for name, values in noisy_markers(noise=1e-4).items()}
-    assert filtered_before(smooth, 100.0, cutoff_hz=6.0).mark == "doubtful"
-    assert "already-filtered" in filtered_before(smooth, 100.0, cutoff_hz=6.0).sentence
-    assert filtered_before(smooth, 100.0, cutoff_hz=None).mark == "good"
+    assert motion_checks.filtered_before(smooth, 100.0, cutoff_hz=6.0).mark == "doubtful"
+    assert "already-filtered" in motion_checks.filtered_before(smooth, 100.0, cutoff_hz=6.0).sentence
+    assert motion_checks.filtered_before(smooth, 100.0, cutoff_hz=None).mark == "good"

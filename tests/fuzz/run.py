@@ -39,11 +39,11 @@ def files(given: argparse.Namespace) -> Iterator[str]:
 
 def walks(given: argparse.Namespace) -> Iterator[str]:
     """Walks with random parameters."""
-    from drawn_walks import assert_sound, drawn, report  # noqa: PLC0415
+    from drawn_walks import assert_sound, drawn  # noqa: PLC0415
 
     for i, first in enumerate(range(0, given.count, 100)):
         done = drawn(i % 3, min(100, given.count - first), seed=given.seed + i, step_s=1e-3 * given.step_ms)
-        print(report(done), flush=True)
+        print(f"{len(done)} walks, {sum(one.failure is not None for one in done)} left the model's range", flush=True)
         try:
             assert_sound(done)
         except AssertionError as fault:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import collections
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -32,8 +31,7 @@ class Outcome:
     values: Mapping[str, float]
     failure: str | None = None  # what the SimulationError said
     steps: int = 0
-    cut: int = 0  # steps that were taken in several parts; and those of which a part did not converge
-    unconverged: int = 0
+    unconverged: int = 0  # steps of which a part did not converge
     iterations: int = 0  # of Newton's method over all steps
     finite: bool = True  # every number of the record, and the centre of pressure wherever the foot is loaded
     peak_bw: float = np.nan  # largest vertical force, body weights
@@ -74,7 +72,7 @@ def outcomes(walker: Walker, trajectory, sets: Sequence[Mapping[str, float]], **
             continue
         record = walk.record
         found.append(Outcome(
-            values=values, steps=len(record.time_s), cut=np.count_nonzero(record.parts > 1),
+            values=values, steps=len(record.time_s),
             unconverged=np.count_nonzero(~record.converged), iterations=int(record.iterations.sum()),
             finite=all_finite(walk),
             peak_bw=float(walk.prosthetic.grf_W[:, 2].max()) / (walker.subject.mass_kg * GRAVITY)))
@@ -88,19 +86,6 @@ def all_finite(walk: Walk) -> bool:
     for foot in (walk.prosthetic, walk.intact):
         arrays += [foot.grf_W, foot.free_moment_nm, foot.cop_W[foot.grf_W[:, 2] > LOADED_N]]
     return all(np.isfinite(array).all() for array in arrays)
-
-
-def report(found: Sequence[Outcome]) -> str:
-    """What a person wants to read of many outcomes."""
-    walked = [one for one in found if one.failure is None]
-    steps, lost = sum(one.steps for one in walked), sum(one.unconverged for one in walked)
-    peaks = np.quantile([one.peak_bw for one in walked], [0.0, 0.5, 1.0])
-    lines = [f"{len(found)} walks: {len(walked)} finished, {sum(not one.finite for one in walked)} not finite",
-             f"unconverged steps: {lost} of {steps}; cut into parts: {sum(one.cut for one in walked)}",
-             f"Newton iterations a step: {sum(one.iterations for one in walked) / steps:.2f}",
-             "peak vertical force (body weights), 0 50 100 %: " + " ".join(f"{peak:.2f}" for peak in peaks)]
-    reasons = collections.Counter(one.failure.split(" reached")[0] for one in found if one.failure)
-    return "\n".join(lines + [f"failed: {count} times, {reason}" for reason, count in reasons.most_common()])
 
 
 @cache

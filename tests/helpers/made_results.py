@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.simulation.results import BenchResult, BenchSetting, WalkResult
 
 MASS_KG = 80.0
@@ -15,17 +15,6 @@ FOOT_LENGTH_M = 0.25
 STRIKE_S, LIFT_S = 0.6, 1.3
 SPHERES = 24
 ZONES = ("heel_posterior",) * 2 + ("heel",) + ("heel_anterior",) * 3 + ("midfoot",) * 5 + ("forefoot",) * 13
-
-
-@dataclass(frozen=True, eq=False)
-class MadePlate:
-    """Looks like a force plate record."""
-
-    time_s: np.ndarray
-    force_W: np.ndarray
-    cop_W: np.ndarray
-    free_moment_nm: np.ndarray
-    has_cop: bool = True
 
 
 def walk_load(time_s, *, strike_s=STRIKE_S, lift_s=LIFT_S, scale=1.0):
@@ -44,7 +33,7 @@ def walk_cop(time_s, force_W, *, strike_s=STRIKE_S, lift_s=LIFT_S, shift=(0.0, 0
     return cop
 
 
-def make_plate(*, start_s=0.0, end_s=2.0, rate_hz=2000.0, stances=((STRIKE_S, LIFT_S),)) -> MadePlate:
+def make_plate(*, start_s=0.0, end_s=2.0, rate_hz=2000.0, stances=((STRIKE_S, LIFT_S),)) -> PlateRecording:
     """A plate that records `stances` (heel strike, toe-off)."""
     time = start_s + np.arange(round((end_s - start_s) * rate_hz) + 1) / rate_hz
     force, cop = np.zeros((len(time), 3)), np.full((len(time), 3), np.nan)
@@ -53,7 +42,7 @@ def make_plate(*, start_s=0.0, end_s=2.0, rate_hz=2000.0, stances=((STRIKE_S, LI
         force += own
         loaded = own[:, 2] > 20.0
         cop[loaded] = walk_cop(time, own, strike_s=strike, lift_s=lift)[loaded]
-    return MadePlate(time, force, cop, np.zeros(len(time)))
+    return PlateRecording(time, force, cop, np.zeros(len(time)), True)
 
 
 def make_walk(*, start_s=0.2, end_s=1.7, step_s=1e-3, delay_s=0.0, scale=1.0, cop_shift=(0.0, 0.0),
@@ -118,7 +107,7 @@ def make_bench(**changes) -> BenchResult:
     return BenchResult(**(values | changes))
 
 
-def turned(walk: WalkResult, plate: MadePlate, angle: float):
+def turned(walk: WalkResult, plate: PlateRecording, angle: float):
     """The same walk in another direction of the laboratory: everything turned about the vertical by `angle` (rad)."""
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

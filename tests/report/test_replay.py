@@ -9,12 +9,13 @@ import socket
 
 import numpy as np
 import pytest
-from made_results import MASS_KG, MadePlate, make_walk
+from made_results import MASS_KG, make_walk
 from markupsafe import escape
 from meshcat_page import tracks
 from pydrake.multibody.tree import PrismaticJoint
 
 from vsf_drake.errors import InputError
+from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
@@ -71,7 +72,8 @@ def short_walk(side="right", **changes):
 def plate():
     """A constant force of one body weight upward, at 1 kHz, only up to 0.5 s."""
     time = 0.001 * np.arange(501)
-    return MadePlate(time, np.tile([0.0, 0.0, WEIGHT_N], (501, 1)), np.tile([0.5, 0.2, 0.0], (501, 1)), np.zeros(501))
+    return PlateRecording(time, np.tile([0.0, 0.0, WEIGHT_N], (501, 1)), np.tile([0.5, 0.2, 0.0], (501, 1)),
+                          np.zeros(501), True)
 
 
 def replay_page(tmp_path, walk, **options):

@@ -9,17 +9,7 @@ from hypothesis import strategies as st
 from pydrake.multibody.plant import MultibodyPlant
 from scipy.spatial.transform import Rotation
 
-from vsf_drake.motion.markers.joints import (
-    COORDINATES,
-    HIP_METHODS,
-    chord,
-    coordinates_of,
-    hip_offset,
-    joint_angles,
-    joint_rotation,
-    orientations_of,
-    pelvis_frame,
-)
+from vsf_drake.motion.markers import joints
 from vsf_drake.motion.markers.segments import SEGMENTS
 from vsf_drake.parameters import ModelParameters, Subject, leg_coordinates
 from vsf_drake.plants.person import add_person
@@ -33,10 +23,10 @@ BY_HAND = {
 }
 
 
-@pytest.mark.parametrize("method", HIP_METHODS)
+@pytest.mark.parametrize("method", joints.HIP_METHODS)
 def test_hip_regressions_give_what_their_formulas_give_by_hand(method):
-    offset = hip_offset(method, pelvis_width=0.25, pelvis_depth=0.16, leg_length=0.9, marker_radius=0.007,
-                        base_plate=0.002)
+    offset = joints.hip_offset(method, pelvis_width=0.25, pelvis_depth=0.16, leg_length=0.9, marker_radius=0.007,
+                               base_plate=0.002)
     assert 1e3 * offset == pytest.approx(BY_HAND[method], abs=5e-3)
 
 
@@ -45,7 +35,7 @@ def test_a_chord_centre_has_its_right_angle_its_distance_and_its_plane(seed):
     rng = np.random.default_rng(seed)
     proximal, lateral = rng.normal(size=3), rng.normal(size=3) - np.array([0, 0, 4])
     plane, medially = rng.normal(size=3) - np.array([-3, 0, 2]), np.array([-1.0, 0.2, 0.1])
-    centre = chord(proximal, lateral, plane, medially, 0.3)
+    centre = joints.chord(proximal, lateral, plane, medially, 0.3)
     normal = np.cross(proximal - lateral, plane - lateral)
     assert np.linalg.norm(centre - lateral) == pytest.approx(0.3, abs=1e-12)
     assert (centre - lateral) @ (centre - proximal) == pytest.approx(0, abs=1e-12)
@@ -56,7 +46,7 @@ def test_a_chord_centre_has_its_right_angle_its_distance_and_its_plane(seed):
 
 
 def test_the_pelvis_frame_lies_in_the_plane_of_its_spines():
-    R, origin = pelvis_frame(np.array([0.1, -0.12, 1.0]), np.array([0.1, 0.12, 1.0]), np.array([-0.05, 0.0, 1.06]))
+    R, origin = joints.pelvis_frame(*np.array([[0.1, -0.12, 1.0], [0.1, 0.12, 1.0], [-0.05, 0.0, 1.06]]))
     assert origin == pytest.approx([0.1, 0, 1.0])
     tilt = np.arctan2(0.06, 0.15)
     assert R == pytest.approx(Rotation.from_rotvec([0, tilt, 0]).as_matrix(), abs=1e-12)
@@ -81,7 +71,7 @@ def test_pure_flexion_moves_the_distal_end_where_anatomy_says(side):
     """Hip flexion carries the knee forward, knee flexion the ankle backward, dorsiflexion the toes up."""
     for joint, sense in (("hip", 1.0), ("knee", -1.0), ("ankle", 1.0)):
         R = about(RIGHT, sense * 0.4)
-        np.testing.assert_allclose(joint_angles(R, joint, side), [0.4, 0, 0], atol=1e-12)
+        np.testing.assert_allclose(joints.joint_angles(R, joint, side), [0.4, 0, 0], atol=1e-12)
         end = R @ (FORWARD if joint == "ankle" else -UP)
         assert (end[2] if joint == "ankle" else sense * end[0]) > 0.38
 
@@ -95,8 +85,8 @@ def test_combined_turns_follow_the_isb_sequence_z_x_y(joint, side):
     signed = angles * [-1.0 if joint == "knee" else 1.0, s, s]
     R_isb = Rotation.from_euler("ZXY", signed).as_matrix()
     R = ISB @ R_isb @ ISB.T
-    np.testing.assert_allclose(joint_angles(R, joint, side), angles, atol=1e-9)
-    np.testing.assert_allclose(joint_rotation(angles, joint, side), R, atol=1e-12)
+    np.testing.assert_allclose(joints.joint_angles(R, joint, side), angles, atol=1e-9)
+    np.testing.assert_allclose(joints.joint_rotation(angles, joint, side), R, atol=1e-12)
 
 
 @pytest.mark.parametrize("prosthetic_side", ["right", "left"])
@@ -108,27 +98,28 @@ def test_coordinates_are_those_of_the_simulated_person(prosthetic_side):
     context = plant.CreateDefaultContext()
     rng = np.random.default_rng(5)
     missing = leg_coordinates(prosthetic_side, intact=True)[6:]
-    assert set(person.coordinate_names) == set(COORDINATES) - set(missing)
+    assert set(person.coordinate_names) == set(joints.COORDINATES) - set(missing)
     for _ in range(20):
-        values = rng.uniform(-1.2, 1.2, len(COORDINATES))
+        values = rng.uniform(-1.2, 1.2, len(joints.COORDINATES))
         q = np.zeros(plant.num_positions())
         for name in person.coordinate_names:
-            q[plant.GetJointByName(name).position_start()] = values[COORDINATES.index(name)]
+            q[plant.GetJointByName(name).position_start()] = values[joints.COORDINATES.index(name)]
         plant.SetPositions(context, q)
         R_W = {name: body.EvalPoseInWorld(context).rotation().matrix()[None] for name, body in person.segments.items()}
-        ankle = joint_rotation(values[[COORDINATES.index(name) for name in missing]], "ankle", prosthetic_side)
+        turned = values[[joints.COORDINATES.index(name) for name in missing]]
+        ankle = joints.joint_rotation(turned, "ankle", prosthetic_side)
         R_W[f"foot_{prosthetic_side}"] = R_W[f"shank_{prosthetic_side}"] @ ankle
         p = person.pelvis.EvalPoseInWorld(context).translation()
-        np.testing.assert_allclose(coordinates_of(R_W, p[None])[0], values, atol=1e-12)
-        back, p_back = orientations_of(values)
+        np.testing.assert_allclose(joints.coordinates_of(R_W, p[None])[0], values, atol=1e-12)
+        back, p_back = joints.orientations_of(values)
         np.testing.assert_allclose(p_back, p, atol=1e-15)
         for segment in SEGMENTS:
             np.testing.assert_allclose(back[segment], R_W[segment][0], atol=1e-12)
 
 
 def test_angles_are_continuous_through_half_a_turn():
-    values = np.zeros((100, len(COORDINATES)))
-    column = COORDINATES.index("pelvis_rotation")
+    values = np.zeros((100, len(joints.COORDINATES)))
+    column = joints.COORDINATES.index("pelvis_rotation")
     values[:, column] = np.linspace(-2.0, 4.5, 100)
-    R_W, p = orientations_of(values)
-    np.testing.assert_allclose(coordinates_of(R_W, p), values, atol=1e-12)
+    R_W, p = joints.orientations_of(values)
+    np.testing.assert_allclose(joints.coordinates_of(R_W, p), values, atol=1e-12)
