@@ -7,15 +7,8 @@ import dataclasses
 import pytest
 import yaml
 
+from vsf_drake import model_file
 from vsf_drake.errors import InputError
-from vsf_drake.model_file import (
-    FOAM_LOADS_N,
-    check_fulcrum,
-    check_model,
-    foam_under_load,
-    load_model,
-    secant_stiffness,
-)
 from vsf_drake.parameters import (
     ContactZone,
     FootParameters,
@@ -40,12 +33,12 @@ def changed(plain):
 def test_every_number_of_a_model_file_is_read_and_written_back_equal(tmp_path):
     path, plain = tmp_path / "model.yaml", changed(to_plain(ModelParameters()))
     path.write_text(yaml.safe_dump(plain), encoding="utf-8")
-    model = load_model(path)
-    assert to_plain(model) == plain and check_model(ModelParameters()) == ModelParameters()
+    model = model_file.load_model(path)
+    assert to_plain(model) == plain and model_file.check_model(ModelParameters()) == ModelParameters()
     path.write_text(dump_yaml(model), encoding="utf-8")
-    assert load_model(path) == model
+    assert model_file.load_model(path) == model
     path.write_text("intact_foot: {friction: {mu_static: 0.8}}", encoding="utf-8")
-    assert load_model(path).intact_foot.friction == FrictionParameters(mu_static=0.8)
+    assert model_file.load_model(path).intact_foot.friction == FrictionParameters(mu_static=0.8)
 
 
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right"}
@@ -66,7 +59,7 @@ def test_python_users_meet_the_same_checks():
     with pytest.raises(InputError, match="mass_kg"):
         Walker(Subject(**(SUBJECT | {"mass_kg": -1.0})), ModelParameters())
     with pytest.raises(InputError, match=r"foot\.mass_kg"):
-        check_model(ModelParameters(foot=dataclasses.replace(FootParameters(), mass_kg=float("inf"))))
+        model_file.check_model(ModelParameters(foot=dataclasses.replace(FootParameters(), mass_kg=float("inf"))))
 
 
 FOOT = FootParameters()
@@ -89,16 +82,16 @@ def moved(zone, x_mm):
 ])
 def test_parts_that_make_no_foot_are_refused_by_name(change, message):
     with pytest.raises(InputError, match=f"model.yaml: .*{message}"):
-        check_model(ModelParameters(foot=dataclasses.replace(FOOT, **change)), file="model.yaml")
+        model_file.check_model(ModelParameters(foot=dataclasses.replace(FOOT, **change)), file="model.yaml")
 
 
 def test_an_intact_foot_without_zones_and_a_fulcrum_out_of_reach_are_refused():
     intact = dataclasses.replace(ModelParameters().intact_foot, zones=())
     with pytest.raises(InputError, match=r"intact_foot\.zones: there are no contact zones"):
-        check_model(ModelParameters(intact_foot=intact))
+        model_file.check_model(ModelParameters(intact_foot=intact))
     for position in (0.05, 0.2, float("nan")):
         with pytest.raises(InputError, match="between 66 and 151 mm"):
-            check_fulcrum(position, FOOT)
+            model_file.check_fulcrum(position, FOOT)
 
 
 def mixed_foot():
@@ -111,15 +104,15 @@ def mixed_foot():
 
 
 def test_spheres_of_several_laws_bear_as_the_power_law_at_both_loads():
-    stiffness, exponent = foam_under_load(mixed_foot())
-    for load in FOAM_LOADS_N:
+    stiffness, exponent = model_file.foam_under_load(mixed_foot())
+    for load in model_file.FOAM_LOADS_N:
         depth = (load / stiffness) ** (1.0 / exponent)
         assert 8e4 * depth + 3e6 * (depth - 1e-3) ** 1.7 == pytest.approx(load, rel=1e-9)
-        assert secant_stiffness(stiffness, exponent, load) == pytest.approx(load / depth)
+        assert model_file.secant_stiffness(stiffness, exponent, load) == pytest.approx(load / depth)
     assert exponent > 1.0
 
 
 def test_a_foam_that_bears_nothing_is_none():
     zones = tuple(dataclasses.replace(zone, stiffness=1e-2 * (i + 1)) for i, zone in enumerate(mixed_foot().zones))
-    assert foam_under_load(dataclasses.replace(FOOT, zones=zones)) is None
-    assert foam_under_load(dataclasses.replace(FOOT, series_patch_m=1e-3)) is None
+    assert model_file.foam_under_load(dataclasses.replace(FOOT, zones=zones)) is None
+    assert model_file.foam_under_load(dataclasses.replace(FOOT, series_patch_m=1e-3)) is None
