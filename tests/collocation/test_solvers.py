@@ -37,15 +37,6 @@ def test_another_solver_finds_the_same_optimum_whatever_options_lie_in_the_curre
     assert theirs.p == pytest.approx(ours.p, rel=1e-3)
 
 
-def test_snopt_confirms_a_problem_with_limits_and_five_parameters():
-    problem, start = chain(intervals=5)
-    ours = solve(problem, start)
-    theirs = confirm(problem, ours.last, "snopt")
-    assert theirs.status == "optimal", theirs.message
-    assert theirs.cost == pytest.approx(ours.cost, rel=1e-6)
-    assert theirs.terms == pytest.approx(ours.terms, rel=1e-3)
-
-
 @pytest.mark.parametrize("probes", [True, False])
 def test_the_program_has_the_problems_cost_and_its_gradient(probes):
     problem, start = chain(intervals=4)

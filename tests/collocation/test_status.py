@@ -1,6 +1,5 @@
 """What is no solution says so: infeasible, interrupted, out of iterations; and what cannot be used is refused."""
 
-import dataclasses
 
 import numpy as np
 import pytest
@@ -140,37 +139,6 @@ def test_a_search_takes_no_more_steps_than_it_needs(make, most, evaluations):
     problem, start = make()[:2]
     solution = solve(problem, start)
     assert solution.success and solution.iterations <= most and solution.evaluations <= evaluations
-
-
-def in_another_unit_of_time(problem, unit):
-    """The same problem with times (s) `unit` times as large: q and w stay, v, u and a are smaller by unit, unit^2."""
-    layout, grid = problem.layout, problem.grid
-    less = np.ones(layout.size)
-    less[layout.v] = less[layout.u] = unit
-    less[layout.a] = unit**2
-
-    def outputs(z, p):
-        y, by_z, by_p = problem.function.linearise(z * less, p)
-        return y, by_z * less, by_p
-
-    which, low, high = problem.limited
-    return TrajectoryProblem(
-        Outputs(outputs), layout, dataclasses.replace(grid, duration_s=unit * grid.duration_s), outputs=problem.outputs,
-        equations=problem.equations, limits=[Limits(outputs=which, low=low, high=high)], residuals=problem.terms,
-        design=problem.design, low=problem.low / less, high=problem.high / less, z_scale=problem.z_scale / less,
-        y_scale=problem.y_scale, cost_scale=unit * problem.cost_scale)
-
-
-def test_a_search_takes_the_same_steps_in_another_unit_of_time():
-    problem, start = chain(intervals=4)
-    other, options = in_another_unit_of_time(problem, 60.0), CollocationOptions(iterations=4)
-    seconds, minutes = solve(problem, start, options), solve(other, Start(
-        start.z * other.z_scale / problem.z_scale, start.p), options)
-    for one, same in zip(seconds.history, minutes.history, strict=True):
-        assert same.cost == pytest.approx(60.0 * one.cost, rel=1e-6)
-        assert same.violation == pytest.approx(one.violation, rel=1e-6, abs=1e-12)
-        assert same.active == one.active
-    assert minutes.last.p == pytest.approx(seconds.last.p, rel=1e-6)
 
 
 def test_steps_into_where_the_function_has_no_value_are_shortened():

@@ -79,6 +79,14 @@ def test_a_walk_that_fails_on_the_way_is_survived(fit, monkeypatch, minimum, sol
         assert found.cost == pytest.approx(minimum["cost"], abs=0.01)
 
 
+def test_a_walk_that_fails_beside_a_start_on_a_bound_ends_the_search_there(fit, monkeypatch):
+    """Trust regions begin within the bounds, at another point than the start."""
+    problem = failing(fit(), monkeypatch, lambda _, i: i == 1)
+    found = search(problem, problem.parameters.bounds[0])
+    assert not found.success and "fails beside where the search starts" in found.message
+    np.testing.assert_array_equal(found.u, found.start)
+
+
 @pytest.mark.parametrize("solver", ["gauss_newton", pytest.param("snopt", marks=pytest.mark.slow)])
 def test_a_search_that_a_failing_region_keeps_from_the_minimum_has_not_converged(fit, monkeypatch, solver):
     """The best that is found lies on the good side, near the edge; it is no minimum."""

@@ -10,6 +10,7 @@ import pytest
 from made_sagittal import embedded_trial, embedded_walker, loaded_motion, walked
 from scipy.linalg import solve_discrete_are
 
+from vsf_drake.analysis.tuning.resimulation import resimulate as module
 from vsf_drake.analysis.tuning.resimulation.resimulate import (
     drive,
     linear_steps,
@@ -173,20 +174,6 @@ def test_resimulated_force_is_that_of_the_same_walk_low_passed(solution, resimul
     assert resimulation.met and not resimulation.fell
 
 
-def test_where_the_period_is_cut_does_not_matter(solution, walk):
-    order = np.r_[13 : len(solution.time_s) - 1, :14]
-    q = solution.q[order] - np.outer(order < 13, -solution.advance)
-    q[-1] = q[0] + solution.advance
-    rows = {name: getattr(solution, name)[order] for name in ("v", "a", "torque", "pelvis_load")}
-    turned = dataclasses.replace(solution, time_s=solution.time_s + solution.time_s[13] - solution.time_s[0], q=q,
-                                 **rows, grf={foot: force[order] for foot, force in solution.grf.items()})
-    other = walk_prescribed(embedded_walker(), turned)
-    both = (walk.record.time_s >= turned.start_s) & (walk.record.time_s <= solution.end_s)
-    for ours, theirs in ((walk.prosthetic, other.prosthetic), (walk.intact, other.intact)):
-        again = np.interp(walk.record.time_s, other.record.time_s, theirs.grf_W[:, 2])
-        assert np.sqrt(np.mean((ours.grf_W[:, 2] - again)[both] ** 2)) < 2e-3 * weight()
-
-
 def test_difference_is_the_error_that_was_put_in(solution, resimulation):
     """A foot's force longer by 2 % of body weight at every instant."""
     def longer(force):
@@ -278,6 +265,23 @@ def test_a_run_that_diverges_is_a_fall_and_a_first_step_that_fails_no_run(fine):
     assert run.fell and "diverged" in run.why and "fell after" in run.sentences()[0]
     with pytest.raises(SimulationError, match="diverged"):
         resimulate_with_feedback(embedded_walker(), fine, push=pushed(0, 2000.0))
+
+
+def test_a_run_that_ends_after_one_step_is_none(solution, walk, monkeypatch):
+    """Its force cannot be low-passed; a tuning tells it as any other run that fails."""
+    whole = module.Stepper.run
+
+    def second_step_fails(self, inputs, *state, **how):
+        if how:
+            raise SimulationError("diverged", time_s=inputs.time_s[2])
+        return whole(self, inputs, *state)
+
+    monkeypatch.setattr(module.Stepper, "run", second_step_fails)
+    record, columns = walk.record, [walk.mechanism.tree.index(name) for name in solution.names]
+    with pytest.raises(SimulationError, match="ended after its first step: diverged"):
+        drive(walk, solution.names, time_s=walk.step_s * np.arange(4), feedforward=record.load[:3, columns],
+              gains=np.zeros((3, 8, 16)), states=np.zeros((3, 16)) + np.r_[record.q0[columns], record.v0[columns]],
+              q0=record.q0, v0=record.v0)
 
 
 # The linear model of a walk answers small changes as the stepper does, where no sphere slides off or lands.

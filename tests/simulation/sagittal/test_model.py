@@ -251,18 +251,6 @@ def test_closed_form_is_that_of_complex_steps(person, smoothing):
     assert (np.abs(by - known) / largest).max() < 1e-12
 
 
-def test_derivatives_are_those_of_central_differences(person):
-    """Off by h^2 / 6 of the third derivative, of some 1 / width^2, over smooth corners no narrower than 0.2 mm."""
-    _, model = person
-    at, smoothing = drawn(model, 6, seed=5), SMOOTHINGS[0]
-    by = linearise(model, *at, smoothing)[1]
-    h = 1e-6 * np.repeat([1.0, 10.0, 10.0, 0.1, 1.0, 0.1], SIZES)
-    more, less = (model.evaluate(*stepped(at, sign * h), smoothing) for sign in (1.0, -1.0))
-    known = (more - less) / (2.0 * h[:, None])
-    largest = np.abs(known).max(axis=2, keepdims=True) + 1e-3 * np.abs(known).max(axis=(1, 2), keepdims=True)
-    assert (np.abs(by - known) / largest).max() < 1e-4
-
-
 def turns(model, count, seed):
     return 0.08 * np.random.default_rng(seed).standard_normal((len(model.support.starts), count))
 

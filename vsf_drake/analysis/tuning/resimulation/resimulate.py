@@ -255,7 +255,7 @@ def drive(
     states: np.ndarray, q0: np.ndarray, v0: np.ndarray
 ) -> Driven:
     """Runs the mechanism of `walk` with `names` free and what was prescribed beside them at rest; SimulationError where
-    the first step fails.
+    the first step fails or the run ends with it.
 
     time_s (n + 1,), feedforward (n, 8), gains (n, 8, 16); states (n, 16) at the start of each step, to which the
     feedback -gains (state - states) compares; q0, v0 of all coordinates at the start.
@@ -298,6 +298,8 @@ def drive(
         off = record.q[at, moving] - states[at, :COORDINATES]
         fell_s, why = float(record.time_s[at]), say("resimulation", "down", tilt_deg=math.degrees(off[tilt]),
                                                     lower_mm=1e3 * off[up])[0]
+    if fell_s is not None and m < 2:  # no force to low-pass
+        raise SimulationError(f"the run ended after its first step: {why}", time_s=fell_s)
     starts = np.hstack([np.vstack([start, values])[:m, moving] for start, values in ((q0, record.q), (v0, record.v))])
     return Driven(record, -np.einsum("kij,kj->ki", gains[:m], starts - states[:m]), fell_s, why)
 
