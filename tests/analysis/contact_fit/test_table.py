@@ -22,7 +22,7 @@ PAPER = set("failed_simulations initial_rms_n rms_n simulations".split())
 QUANTITY = ("heel_measured", "heel_model", "measured", "model", "rmse", "uncertainty")
 ROWS = {
     "trials": "file floor_grf_rmse_bw fulcrum_mm label metrics notes role sweep synthetic",
-    "parameters": """at_bound frozen high interval_95 interval_in_prior_sd low name prior_mean prior_scale
+    "parameters": """at_bound frozen high interval_95 interval_in_prior_sd logarithmic low name prior_mean prior_scale
         share_of_prior spread_over_starts start unit value value_in_prior_sd""",
     "searches": "cost evaluations failed message start_cost success"}
 
@@ -57,6 +57,7 @@ def test_every_parameter_stands_there_with_its_value_and_a_free_one_with_its_err
         row = rows[item.name]
         assert row.unit == item.unit and row.frozen == item.frozen and (row.low, row.high) == (item.low, item.high)
         assert (row.prior_mean, row.prior_scale, row.start) == (item.mean, item.scale, item.start)
+        assert row.logarithmic == item.logarithmic
         if item.frozen:
             assert row.value == row.start and row.interval_95 is row.share_of_prior is None
             continue
