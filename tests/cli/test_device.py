@@ -64,23 +64,6 @@ def test_what_cannot_be_shown_is_refused(run, tmp_path, monkeypatch, words, mess
     assert not list(tmp_path.iterdir())
 
 
-def test_a_manifest_that_cannot_be_walked_ends_with_code_2(run, tmp_path, trial_files):
-    manifest = trial_files.write()
-    content = yaml.safe_load(manifest.read_text(encoding="utf-8")) | {"window": {"start_s": 0.4, "end_s": 0.5}}
-    manifest.write_text(yaml.safe_dump(content), encoding="utf-8")
-    code, _, error = run("simulate", manifest, "--out", tmp_path / "out")
-    assert code == 2 and "stance" in error
-    assert not (tmp_path / "out").exists()
-
-
-def test_results_do_not_replace_a_file(run, tmp_path):
-    (tmp_path / "out").write_text("mine", encoding="utf-8")
-    for command in ("bench", "export"):
-        code, _, error = run(command, "--out", tmp_path / "out")
-        assert code == 2 and "is a file, but results are a folder" in error
-    assert (tmp_path / "out").read_text(encoding="utf-8") == "mine"
-
-
 def test_bench_writes_the_published_end_points(run, tmp_path):
     code, out, _ = run("bench", "--out", tmp_path / "bench")
     assert code == 0 and "prediction" in out

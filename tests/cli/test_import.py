@@ -10,7 +10,6 @@ from command_line import exit_code, read_json
 from made_laboratory import MADE, STATED, Laboratory, leftovers
 from made_person import Person
 
-from vsf_drake.files import resource
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import ModelParameters
@@ -124,16 +123,6 @@ def test_what_cannot_be_used_ends_with_one_message_and_leaves_nothing(run, labor
     code, _, err = run("import", standing, *bare, "--out", out, *STATED)
     assert code == 2 and all(name in err for name in ("bare1.trc", "bare2.trc", "--forces"))
     assert not out.exists() and not leftovers(tmp_path)
-
-
-def test_check_of_a_synthetic_trial_calls_it_synthetic(run, tmp_path):
-    out = tmp_path / "checked"
-    code, shown, _ = run("check", resource("data/reference_subject/exact/medium_1.yaml"), "--out", out)
-    assert code == 0
-    assert "SYNTHETIC" in shown
-    page = (out / "check.html").read_text(encoding="utf-8")
-    assert "(SYNTHETIC)</title>" in page
-    assert "SYNTHETIC, not recorded" in page
 
 
 def test_check_goes_on_past_a_bad_manifest(run, tmp_path, trial_files):

@@ -9,21 +9,8 @@ from typing import Annotated
 
 import typer
 
-from vsf_drake.cli.app import (
-    Contact,
-    Model,
-    Out,
-    app,
-    check_contact_use,
-    console,
-    contact_hash,
-    model_of,
-    path,
-    print_text,
-    progress,
-    read_trials,
-    say,
-)
+from vsf_drake.cli import app as cli
+from vsf_drake.cli.app import Contact, Model, Out, app, path, progress, say
 from vsf_drake.errors import InputError
 
 
@@ -44,13 +31,13 @@ def bench(
     from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M, run_bench
 
     BENCH.check(out)
-    pressed = model_of(model, contact)
+    pressed = cli.model_of(model, contact)
     positions = [1e-3 * position for position in fulcrum_mm] if fulcrum_mm else PUBLISHED_FULCRUMS_M
     with progress() as show:
         result = run_bench(pressed, fulcrums_m=positions, heel=heel, max_load_n=max_load_n,
                            speed_m_per_s=1e-3 * speed_mm_per_min / 60.0, progress=lambda f: show("pressing", f),
-                           inputs=contact_hash(contact))
-    print_text("bench", **vars(write_bench(result, out)))
+                           inputs=cli.contact_hash(contact))
+    cli.print_text("bench", **vars(write_bench(result, out)))
     if contact:
         say(f"the foot has the fitted contact of {contact}")
     say(f"written to {out}")
@@ -84,7 +71,7 @@ def export(
     from vsf_drake.yaml_file import dump
 
     ResultsFolder(kind="export", command="export", sidecar="export.yaml").check(out)
-    foot, fulcrum_m = model_of(model, contact).foot, 1e-3 * fulcrum_mm
+    foot, fulcrum_m = cli.model_of(model, contact).foot, 1e-3 * fulcrum_mm
     if form not in ("sdf", "mjcf", "both"):
         raise InputError(f"{form!r} is not known", where="format", right="Known are sdf, mjcf, both")
     if form == "mjcf" and not (springs and collision):
@@ -97,7 +84,7 @@ def export(
                  f"{fixed}.sdf": foot_sdf(foot, fulcrum_m=fulcrum_m, collision=collision)}
     if form != "sdf":
         texts[f"{fixed}.xml"] = foot_mjcf(foot, fulcrum_m=fulcrum_m)
-    inputs = contact_hash(contact) | ({} if model is None else {f"model: {model.name}": sha256(model)})
+    inputs = cli.contact_hash(contact) | ({} if model is None else {f"model: {model.name}": sha256(model)})
     with result_folder(out, "export") as folder:
         for name, text in texts.items():
             write_text(folder / name, text)
@@ -131,7 +118,7 @@ def show(
 
     if what == "person" and subject is None:
         subject = resource("data/reference_subject/subject.yaml")
-    person, shown = None if subject is None else load_subject(subject), model_of(model, contact)
+    person, shown = None if subject is None else load_subject(subject), cli.model_of(model, contact)
     if html is not None:
         write_model_page(what, shown, html, person, keel_joints=keel_joints)
         say(f"written to {html}")
@@ -139,7 +126,7 @@ def show(
 
     def tell(line: str) -> None:
         say(line)
-        console.file.flush()  # whoever reads it through a pipe waits for the address
+        cli.console.file.flush()  # whoever reads it through a pipe waits for the address
 
     show_model(what, shown, person, port=port, browser=browser, keel_joints=keel_joints, say=tell)
 
@@ -169,7 +156,7 @@ def stand(
     person = load_subject(subject)
     if contact:
         check_person(person, load_contact(contact), file=contact)
-    stood_on = model_of(model, contact)
+    stood_on = cli.model_of(model, contact)
     with progress() as show:
         standing = simulate_standing(
             person, stood_on, fulcrum_m=1e-3 * fulcrum_mm, duration_s=duration_s, upright=upright,
@@ -178,7 +165,7 @@ def stand(
         note = (f"The model has the fitted contact of {contact.name} (SHA-256 {sha256(contact)}); what the fit adds to "
                 "offsets and joint angles belongs to its recordings and is left out.")
         standing = dataclasses.replace(standing, notes=(note, *standing.notes))
-    print_text("standing", **vars(write_standing(standing, out)))
+    cli.print_text("standing", **vars(write_standing(standing, out)))
     say(f"written to {out}")
 
 
@@ -197,12 +184,12 @@ def simulate(
     from vsf_drake.analysis.validation.study import walk_trial
     from vsf_drake.report.outputs import WALK, write_walk
 
-    check_contact_use(contact, fit_offsets=fit_offsets)
+    cli.check_contact_use(contact, fit_offsets=fit_offsets)
     WALK.check(out)
-    [recorded] = read_trials([trial], contact)
+    [recorded] = cli.read_trials([trial], contact)
     with progress() as show:
         walk = walk_trial(recorded, with_fit=fit_offsets, step_s=1e-3 * step_ms, progress=show)
     metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, replay=replay)
-    print_text("walk", **metrics, alignment_deg=math.degrees(metrics["offsets"]["alignment_rad"]),
-               offsets_are="with those of the fitted contact" if contact else "not fitted")
+    cli.print_text("walk", **metrics, alignment_deg=math.degrees(metrics["offsets"]["alignment_rad"]),
+                   offsets_are="with those of the fitted contact" if contact else "not fitted")
     say(f"written to {out}")

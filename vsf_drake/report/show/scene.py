@@ -27,16 +27,7 @@ from vsf_drake.plants.foot_handles import FootHandles
 from vsf_drake.plants.person import PersonHandles, add_person
 from vsf_drake.plants.solids import UPWARD
 from vsf_drake.plants.visuals import METAL, Colour, add_foot_visuals, add_visuals, draw
-from vsf_drake.report.show.drawing import (
-    ASPECT,
-    ENDLESS,
-    FIELD_OF_VIEW_DEG,
-    add_arrow,
-    add_triad,
-    finish_page,
-    open_meshcat,
-    shifted,
-)
+from vsf_drake.report.show import drawing
 from vsf_drake.simulation.bench import KeelShape, keel_shape
 
 KINDS = ("foot", "bench", "person")
@@ -107,7 +98,7 @@ class Scene:
         else:
             mount = self.plant.world_frame()
             if what == "foot":  # its unloaded sole on the plane z = 0
-                above = shifted(0.0, 0.0, model.foot.build_height_m)
+                above = drawing.shifted(0.0, 0.0, model.foot.build_height_m)
                 mount = self.plant.AddFrame(FixedOffsetFrame("mount_place", mount, above))
             self.foot = add_foot(self.plant, mount, model.foot)
             add_foot_visuals(self.plant, self.foot)
@@ -174,8 +165,8 @@ class Scene:
         X_KB = foot.frame.EvalPoseInWorld(context).inverse() @ foot.keel[piece].EvalPoseInWorld(context)
         x, _, z = X_KB @ np.array([foot.parameters.load_point_m - foot.keel_starts[piece], 0.0, 0.0])
         length, head = ARROW_M_PER_N * values[LOAD], _HEAD_M[0]
-        X_WC = self.frames["K"].CalcPoseInWorld(context) @ shifted(x, 0.0, z)
-        for path, pose in ((ARROW, X_WC), (f"{ARROW}/shaft", shifted(0.0, 0.0, -head))):
+        X_WC = self.frames["K"].CalcPoseInWorld(context) @ drawing.shifted(x, 0.0, z)
+        for path, pose in ((ARROW, X_WC), (f"{ARROW}/shaft", drawing.shifted(0.0, 0.0, -head))):
             self.meshcat.SetTransform(path, pose, time_in_recording=time_s)
         self.meshcat.SetProperty(ARROW, "visible", length > head, time_in_recording=time_s)
         self.meshcat.SetProperty(f"{ARROW}/shaft", "scale", [1.0, 1.0, max(length - head, 1e-3)],
@@ -187,9 +178,10 @@ class Scene:
         self.meshcat.SetProperty("/Axes", "visible", False)
         self.meshcat.SetProperty("/Grid", "visible", self.what == "person")
         for letter in self.frames:
-            add_triad(self.meshcat, f"{FRAMES}/{letter}", 0.12 if self.what == "person" else 0.05)
-        add_arrow(self.meshcat, ARROW, Rgba(0.90, 0.38, 0.00), shaft_radius=0.0035, head=_HEAD_M, shaft_from=-1.0)
-        self.meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
+            drawing.add_triad(self.meshcat, f"{FRAMES}/{letter}", 0.12 if self.what == "person" else 0.05)
+        drawing.add_arrow(self.meshcat, ARROW, Rgba(0.90, 0.38, 0.00), shaft_radius=0.0035, head=_HEAD_M,
+                          shaft_from=-1.0)
+        self.meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=drawing.FIELD_OF_VIEW_DEG, aspect=drawing.ASPECT))
         self.meshcat.SetCameraPose(*map(np.array, _CAMERAS[self.what]))
         self.draw(self.rest)
 
@@ -203,7 +195,7 @@ def platen_travel(foot: FootParameters, shape: KeelShape, load_n: float) -> floa
 def _add_machine(plant: MultibodyPlant, foot: FootParameters) -> PrismaticJoint:
     """The testing machine: a clamp at the mount, held at the origin of W, and a platen under the load point."""
     draw(plant, plant.world_body(), "clamp", Cylinder(0.02, 0.08), METAL, (0.0, 0.0, 0.04))
-    place = shifted(foot.load_point_m - foot.pylon_x_m, 0.0, -foot.build_height_m)
+    place = drawing.shifted(foot.load_point_m - foot.pylon_x_m, 0.0, -foot.build_height_m)
     body = plant.AddRigidBody("platen", plant.AddModelInstance("machine"),
                               SpatialInertia.SolidBoxWithMass(1.0, 0.1, 0.1, 0.1))
     frame = plant.AddFrame(FixedOffsetFrame("platen_rest", plant.world_frame(), place))
@@ -274,7 +266,7 @@ def show_model(what: str, model: ModelParameters, subject: Subject | None = None
     `browser`: whether to open the page in the desktop's, where there is one. `say` is told the address, and what goes
     wrong.
     """
-    meshcat = open_meshcat()
+    meshcat = drawing.open_meshcat()
     with gate(meshcat, port) as address, contextlib.suppress(KeyboardInterrupt):  # the way it is meant to end
         viewer = Viewer(Scene(meshcat, what, model, subject, keel_joints=keel_joints), say)
         say(f"{what}: {address}   (Open Controls; press Stop there or Ctrl-C here to end)")
@@ -290,7 +282,7 @@ def write_model_page(what: str, model: ModelParameters, path: str | Path, subjec
     The load comes on with the fulcrum at its rearmost position, the fulcrum moves to its foremost one under it, the
     load goes; then every other control goes to a positive value and back, in the order of the caption.
     """
-    meshcat = open_meshcat()
+    meshcat = drawing.open_meshcat()
     scene = Scene(meshcat, what, model, subject, keel_joints=keel_joints)
     fulcrum = scene.foot.parameters.fulcrum
     first, last = 1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m
@@ -298,10 +290,10 @@ def write_model_page(what: str, model: ModelParameters, path: str | Path, subjec
     for i, values in enumerate(_line(scene, first, last)):
         scene.draw(values, i / FRAMES_PER_SECOND)
     meshcat.StopRecording()
-    meshcat.get_mutable_recording().set_repetitions(ENDLESS)
+    meshcat.get_mutable_recording().set_repetitions(drawing.ENDLESS)
     meshcat.PublishRecording()
     others = [control.name for control in scene.controls if control.name not in (FULCRUM, LOAD)]
-    write_text(path, finish_page(meshcat, f"vsf_drake: {what}", "shown.html.j2", load_n=f"{SHOWN_LOAD_N:g}",
+    write_text(path, drawing.finish_page(meshcat, f"vsf_drake: {what}", "shown.html.j2", load_n=f"{SHOWN_LOAD_N:g}",
                                  first_mm=f"{first:g}", last_mm=f"{last:g}", others=others))
 
 
