@@ -123,3 +123,11 @@ def test_angles_are_continuous_through_half_a_turn():
     values[:, column] = np.linspace(-2.0, 4.5, 100)
     R_W, p = joints.orientations_of(values)
     np.testing.assert_allclose(joints.coordinates_of(R_W, p), values, atol=1e-12)
+
+
+def test_adduction_near_a_right_angle_is_noted():
+    values = np.zeros((3, len(joints.COORDINATES)))
+    assert joints.gimbal_notes(values) == []
+    values[1, joints.COORDINATES.index("hip_adduction_l")] = 1.4
+    (note,) = joints.gimbal_notes(values)
+    assert "hip_adduction_l" in note and "80 degrees" in note

@@ -134,12 +134,15 @@ def recorded_stride(trial: Trial, walker: Walker | None = None) -> RecordedStrid
     turned = {name: _rms(np.degrees(final[:, c] - recorded[:, c]), weights) for c, name in enumerate(names)
               if name not in ("pelvis_tx", "pelvis_ty")}
     worst = max(turned, key=lambda name: turned[name])
+    off = np.degrees(periodic.changes(time[inside], projected, T))  # one end of the recording less the other
+    apart = {name: _rms(off[:, c]) for c, name in enumerate(names) if name in turned and len(off)}
+    closing = max(apart.items(), key=lambda each: each[1], default=None)
     standing = {"prosthetic": _within(t, prosthetic, T), "intact": _within(t, intact, T)}
     errors = _errors(chain, final, wanted, chain.near_floor(wanted, points.ground), weights, standing)
     errors |= {"angle_deg": turned[worst]} | _force_errors(chain, curves, forces, mass)
     notes = say("stride", "recorded", period_s=T, by=method, advance_m=advance, prosthetic=how_p, intact=how_i,
                 follows_plates=target is not path, converged=closed and converged, shift=shift, errors=errors,
-                worst=worst)
+                worst=worst, closing=closing)
     return RecordedStride(
         names=names, period_s=T, advance_m=advance, start_s=start, curves=curves, forces=forces,
         prosthetic_stance=prosthetic, intact_stance=intact, forward=forward, chain=chain, errors=errors,

@@ -62,6 +62,9 @@ def read_c3d(path: Path, *, length_unit: str | None = None) -> RawTrial:
     if positions is None and not plates:
         raise InputError("has neither labelled markers nor force plates that can be read", file=path,
                          right=" ".join(notes) or "Export the trial with its marker labels")
+    stated = c3d.number("ANALOG:RATE")
+    if plates and stated and abs(stated / fast - 1.0) > 1e-3:
+        notes += say("files", "analog_rate", file=path.name, stated=stated, subframes=c3d.subframes, rate=fast)
     screen = "".join(c3d.texts("POINT:Y_SCREEN")[:1]).strip().lower()
     screen = screen if screen[:1] in ("+", "-") else f"+{screen}"
     return RawTrial(labels, positions, rate, start, plates, fast, start, notes=notes,

@@ -202,6 +202,8 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 
 COORDINATES = PELVIS_COORDINATES + tuple(name for side in SIDES for name in leg_coordinates(side, intact=True))
 """The 24 coordinates of pelvis and two intact legs, in the model's order."""
+NEAR_GIMBAL_RAD = np.radians(70.0)
+"""Beyond this adduction flexion and rotation become one and the same: errors are amplified threefold."""
 
 
 def _signs(joint: str, side: str) -> np.ndarray:
@@ -262,3 +264,12 @@ def orientations_of(values: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarr
         R_PD = joint_rotation(values[..., 3 * k:3 * k + 3], *segment_joint(segment))
         R_W[segment] = R_PD if parent is None else R_W[parent] @ R_PD
     return R_W, os_to_world(values[..., :3])
+
+
+def gimbal_notes(values: np.ndarray) -> list[str]:
+    """Sentences on the joints whose adduction (pelvis: list) in (n, 24) `values` comes near a right angle."""
+    triples = [COORDINATES[k:k + 3] for k in range(3, len(COORDINATES), 3)]
+    largest = np.nanmax(np.abs(values[:, 4::3]), axis=0)
+    return [note for (flexion, adduction, rotation), most in zip(triples, largest, strict=True)
+            if most > NEAR_GIMBAL_RAD for note in say("markers", "gimbal", adduction=adduction, flexion=flexion,
+                                                      rotation=rotation, degrees=np.degrees(most))]

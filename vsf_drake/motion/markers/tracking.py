@@ -20,7 +20,7 @@ from vsf_drake.motion.events import runs, words
 from vsf_drake.motion.formats.recording import Recording
 from vsf_drake.motion.formats.units import listed
 from vsf_drake.motion.markers import segments as rigid
-from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, segment_joint
+from vsf_drake.motion.markers.joints import COORDINATES, coordinates_of, gimbal_notes, segment_joint
 from vsf_drake.motion.markers.segments import PARENTS, Calibration, FootTrack, Gap, RigidPoses, SegmentMarkers
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.sentences import say
@@ -307,7 +307,7 @@ def describe(calibration: Calibration, filled: FilledMarkers, markers: Mapping[s
         cluster_motion_m={name: _cluster_motion(segment, markers) for name, segment in segments.items()},
         joint_gap_m={"_".join(segment_joint(name)): float(_rms(_joint_gaps(name, segment, poses)))
                      for name, segment in segments.items() if PARENTS[name] is not None},
-        gaps=filled.gaps, notes=(*filled.notes, *notes))
+        gaps=filled.gaps, notes=(*filled.notes, *notes, *gimbal_notes(values)))
 
 
 def _cluster_motion(segment: SegmentMarkers, markers: Mapping[str, np.ndarray]) -> float:

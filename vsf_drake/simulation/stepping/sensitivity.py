@@ -136,8 +136,15 @@ class ForwardSensitivity:
     loads: bool = False
     """Whether derivatives of loads and state are left too; not for shifts of a coordinate."""
 
-    def prepare(self, tree: Tree, forces: Forces, dofs: FreePrescribed) -> tuple[TangentDirections, Tangent]:
-        """Arrays for compiled code, at the start of a run, on whose grid perturbations are."""
+    def prepare(
+        self, tree: Tree, forces: Forces, dofs: FreePrescribed, steps: int
+    ) -> tuple[TangentDirections, Tangent]:
+        """Arrays for compiled code, at the start of a run of so many steps."""
+        for by_unit in self.tangents:
+            if self.loads and by_unit.coordinate is not None:
+                raise ValueError(f"loads are not differentiated by shifts of {by_unit.coordinate}")
+            if by_unit.perturbation is not None and len(by_unit.perturbation) != steps + 1:
+                raise ValueError(f"a perturbation has {len(by_unit.perturbation)} instants, the run {steps + 1}")
         directions = make_directions(tree, forces, dofs, self.tangents, measured=self.measured, loads=self.loads)
         tangent = tangent_workspace(tree, dofs, directions)
         tangent.q[: len(dofs.free)] = self.q0[dofs.free]

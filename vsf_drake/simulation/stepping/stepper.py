@@ -115,7 +115,7 @@ class Stepper:
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
         dofs = assembly.split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
         workspace = assembly.step_workspace(m.tree, forces, dofs, self.tolerance)
-        directions, tangent = (None, None) if forward is None else forward.prepare(m.tree, forces, dofs)
+        directions, tangent = (None, None) if forward is None else forward.prepare(m.tree, forces, dofs, steps)
         go = advance if self.dynamics == "compiled" else partial(
             advance.py_func, dynamics=_drakes_dynamics(m.plant, m.context))
         done = 0
