@@ -45,6 +45,15 @@ def test_a_chord_centre_has_its_right_angle_its_distance_and_its_plane(seed):
     assert across @ medially > 0
 
 
+def test_the_hinge_axis_is_found_in_a_segment_mounted_at_any_angle():
+    axis = np.array([0.1, 0.97, -0.2]) / np.linalg.norm([0.1, 0.97, -0.2])
+    mounting = Rotation.from_euler("xyz", [0.4, -1.0, 2.0]).as_matrix()
+    turned = Rotation.from_rotvec(np.outer(np.linspace(-0.2, 0.9, 60), axis)).as_matrix() @ mounting
+    axis_of_hinge, swept = joints.hinge_axis(turned)
+    assert abs(axis_of_hinge @ axis) == pytest.approx(1, abs=1e-12)
+    assert swept == pytest.approx(1.1, abs=1e-9)
+
+
 def test_the_pelvis_frame_lies_in_the_plane_of_its_spines():
     R, origin = joints.pelvis_frame(*np.array([[0.1, -0.12, 1.0], [0.1, 0.12, 1.0], [-0.05, 0.0, 1.06]]))
     assert origin == pytest.approx([0.1, 0, 1.0])

@@ -22,9 +22,13 @@ import numpy as np
 from vsf_drake.motion.formats.recording import SIDES, os_to_world, world_to_os
 from vsf_drake.motion.markers.person_facts import PersonFacts, joint_width_m
 from vsf_drake.motion.markers.posture import Posture
-from vsf_drake.motion.markers.segments import PARENTS
+from vsf_drake.motion.markers.segments import FEWEST_MARKERS, PARENTS, mean_shape, rigid_poses
 from vsf_drake.parameters import PELVIS_COORDINATES, leg_coordinates
 from vsf_drake.sentences import say
+
+LEAST_HINGE_RAD = np.radians(30.0)  # a knee that turns less than this does not show its axis (a choice)
+ODD_HINGE_RAD = np.radians(30.0)
+"""A functional knee axis that departs more than this from the pelvis' sideways one is doubtful (a choice)."""
 
 
 class Anatomy:
@@ -88,17 +92,49 @@ class Anatomy:
         left = 1.0 if side == "right" else -1.0
         role = f"{'thigh' if name == 'knee' else 'shank'}_plane_{side}"
         lateral, medial, plane = self.needed(f"{name}_lateral_{side}"), self.at(f"{name}_medial_{side}"), self.at(role)
+        alone = name == "knee" and medial is None and plane is None
+        hinge = self.hinge(side, left * sideways) if alone else None
         width, source = joint_width_m(self.person, name)
         self.method += say("markers", name, side=side, width=source, medial=medial is not None,
-                           plane=plane is not None and self.posture.labelled.roles[role])
+                           plane=plane is not None and self.posture.labelled.roles[role], hinge=hinge is not None)
         if medial is not None:
             return 0.5 * (lateral + medial), left * (medial - lateral)
         distance = 0.5 * width + 1e-3 * self.person.marker_radius_mm
         if plane is None:  # a chord whose plane holds the joint's axis: at a right angle to the proximal centre
-            plane = lateral + left * sideways
-            self.notes += say("markers", "no_knee_axis", side=side) if name == "knee" else []
-        centre = chord(proximal, lateral, plane, left * sideways, distance)
+            medially = left * sideways if hinge is None else hinge
+            centre = chord(proximal, lateral, lateral + medially, medially, distance)
+            self.notes += say("markers", "no_knee_axis", side=side) if alone and hinge is None else []
+        else:
+            centre = chord(proximal, lateral, plane, left * sideways, distance)
         return centre, left * (centre - lateral) if name == "knee" else sideways
+
+    def hinge(self, side: str, medially: np.ndarray) -> np.ndarray | None:
+        """(n, 3) the knee's functional axis, pointing medially in W; None where the recording does not show it."""
+        if self.posture.still:
+            return None
+        thigh, shank = (self.cluster(f"{segment}_{side}") for segment in ("thigh", "shank"))
+        if thigh is None or shank is None:
+            return None
+        a, turned = hinge_axis(thigh.swapaxes(-1, -2) @ shank)
+        if turned < LEAST_HINGE_RAD:
+            return None
+        axis = thigh @ a
+        along = float(np.nanmedian(np.sum(axis * medially, axis=-1)))
+        if abs(along) < np.cos(ODD_HINGE_RAD):
+            self.notes += say("markers", "odd_hinge", side=side, degrees=np.degrees(np.arccos(abs(along))))
+        return np.asarray(axis * np.sign(along))
+
+    def cluster(self, segment: str) -> np.ndarray | None:
+        """(n, 3, 3) orientation of a segment's markers against their mean shape; None with fewer than three."""
+        labels = [m for m in self.posture.labelled.segments[segment] if m in self.posture.points]
+        if len(labels) < FEWEST_MARKERS:
+            return None
+        x = np.stack([self.posture.points[label] for label in labels], axis=1)
+        whole = x[np.isfinite(x).all(axis=(1, 2))]
+        if not len(whole):
+            return None
+        poses = rigid_poses(mean_shape(whole[0] - whole[0].mean(axis=0), x), x)
+        return poses.R_WB if poses.known.any() else None
 
 
 # Joint centres from surface markers. Points are (..., 3) in m.
@@ -158,6 +194,31 @@ def chord(proximal: np.ndarray, lateral: np.ndarray, plane: np.ndarray, medially
     with np.errstate(invalid="ignore"):
         sine = np.sqrt(1 - cosine**2)
     return np.asarray(lateral + distance * (cosine * u + sine * w))
+
+
+def hinge_axis(R_relative: np.ndarray) -> tuple[np.ndarray, float]:
+    """The axis about which a distal segment turns in a proximal one, by least squares over all frames.
+
+    The unit directions a (proximal) and b (distal) minimise sum |a - R b|^2: the singular vector of the stacked
+    [1, -R] with the smallest singular value, the direction that Ehrig et al. (2007, doi
+    10.1016/j.jbiomech.2006.10.026) find in their symmetrical axis of rotation approach. `R_relative` (n, 3, 3) is the
+    distal segment's orientation in the proximal one's frame; NaN frames are left out. Gives a, (3,), of either sense,
+    and the range (rad) of the rotation about it.
+    """
+    R = R_relative[np.isfinite(R_relative).all(axis=(1, 2))]
+    if not len(R):
+        return np.full(3, np.nan), 0.0
+
+    # sum |a - R b|^2 = [a, b]^T normal [a, b], least for the eigenvector of its smallest eigenvalue, whose half a is.
+    total = R.sum(axis=0)
+    normal = np.block([[len(R) * np.eye(3), -total], [-total.T, len(R) * np.eye(3)]])
+    a = np.linalg.eigh(normal)[1][:3, 0]
+    a = a / np.linalg.norm(a)
+
+    # The angle about it: of a vector u across the axis, as the distal segment carries it.
+    u = np.linalg.svd(a[None])[2][1]
+    turned = R @ (R[0].T @ u)
+    return a, float(np.ptp(np.unwrap(np.arctan2(turned @ np.cross(a, u), turned @ u))))
 
 
 def frame_from(z: np.ndarray, y: np.ndarray) -> np.ndarray:
