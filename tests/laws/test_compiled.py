@@ -62,6 +62,7 @@ def pressed(package, code=PRESSED):
     return float(force), bool(int(hits))
 
 
+@pytest.mark.slow
 def test_a_changed_callee_in_another_file_changes_the_compiled_caller_of_the_next_process(package):
     assert pressed(package, EDITED_MEANWHILE) == (400.0, False)  # which leaves nothing under the old name
     assert pressed(package) == (200.0, False)

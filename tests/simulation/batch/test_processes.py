@@ -286,6 +286,7 @@ def test_a_worker_of_a_checkout_that_is_not_installed_takes_the_same_package(tmp
         assert pool.submit(eval, "__import__('vsf_drake').__file__").result() == vsf_drake.__file__
 
 
+@pytest.mark.slow
 def test_settings_that_lie_in_the_current_folder_run_nothing(folder):
     done = subprocess.run([sys.executable, "-P", "-c", LOADED, folder.parent], cwd=folder, capture_output=True,
                           text=True, check=False)
