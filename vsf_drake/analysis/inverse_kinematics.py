@@ -87,12 +87,12 @@ def solve_inverse_kinematics(
     values = np.empty_like(start)
     for n, x in enumerate(seen):
         guess = start[n] if n == 0 else values[n - 1] + start[n] - start[n - 1]
-        found = least_squares(skeleton.residuals, np.clip(guess, LOW, HIGH), skeleton.jacobian, (LOW, HIGH), "dogbox",
-                              ftol=None, gtol=None, xtol=1e-9, max_nfev=MOST_EVALUATIONS, args=(x,))
-        if not found.success:
+        solution = least_squares(skeleton.residuals, np.clip(guess, LOW, HIGH), skeleton.jacobian, (LOW, HIGH),
+                                 "dogbox", ftol=None, gtol=None, xtol=1e-9, max_nfev=MOST_EVALUATIONS, args=(x,))
+        if not solution.success:
             raise InputError(f"inverse kinematics failed at {filled.time_s[n]:.3f} s", file=recording.path,
                              right="Look at the markers there, or use the segments' own poses")
-        values[n] = found.x
+        values[n] = solution.x
     away = np.minimum(values - LOW, HIGH - values).min(axis=0)
     at_limit = tuple(name for name, least in zip(COORDINATES, away, strict=True) if least < AT_LIMIT_RAD)
     return describe(calibration, filled, markers, skeleton.rigid_poses(values, markers), values), at_limit
