@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from made_fit import METRICS, made_curves, made_search, made_uncertainty, recording
 
+from vsf_drake.analysis.angle_errors import AngleErrorRow
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.contact_fit import assessment as module
 from vsf_drake.analysis.contact_fit.assessment import (
@@ -63,7 +64,8 @@ def test_scores_are_the_metrics_of_fitted_and_held_out_trials_beside_the_best_nu
     """The null model by hand: the resultant of each other fitted trial over 0-100 % of this one's stance."""
     fitted = [trials["low_1"], trials["high_1"]]
     model = Model(fit_walker, fitted)
-    found = assess(model, [trials["medium_1"]], sweep=False, leave_out=False, floors={"medium_1": 0.01})
+    found = assess(model, [trials["medium_1"]], sweep=False, angle_errors=False, leave_out=False,
+                   floors={"medium_1": 0.01})
     assert [(name, label) for name, label, *_ in model.asked] == [
         ("low_1", "low_1"), ("high_1", "high_1"), ("medium_1", None)]
     others = {"low_1": fitted[1:], "high_1": fitted[:1], "medium_1": fitted}
@@ -91,7 +93,7 @@ def test_scores_are_the_metrics_of_fitted_and_held_out_trials_beside_the_best_nu
     assert held == found.scores[2].metrics.grf_rmse_bw
     assert mean == pytest.approx(np.mean([s.metrics.grf_rmse_bw for s in found.scores[:2]]))
     assert found.left_out == () and found.bench is None
-    alone = assess(Model(fit_walker, fitted[:1]), [fitted[1]], sweep=False).scores
+    alone = assess(Model(fit_walker, fitted[:1]), [fitted[1]], sweep=False, angle_errors=False).scores
     assert alone[0].metrics.null_model_grf_rmse_bw is None and alone[1].metrics.null_model_grf_rmse_bw > 0.0
 
 
@@ -179,7 +181,7 @@ def scored(monkeypatch):
 
 def test_each_trial_and_each_stiffness_is_left_out_once(scored, trials):
     model = Refitting([trials[name] for name in ("low_1", "low_2", "high_1")])
-    found = assess(model, sweep=False).left_out
+    found = assess(model, sweep=False, angle_errors=False).left_out
     assert [(row.kind, row.left_out) for row in found] == [
         ("trial", ("low_1",)), ("trial", ("low_2",)), ("trial", ("high_1",)),
         ("stiffness", ("low_1", "low_2")), ("stiffness", ("high_1",))]
@@ -191,11 +193,12 @@ def test_each_trial_and_each_stiffness_is_left_out_once(scored, trials):
 def test_nothing_is_left_out_of_one_trial_stiffness_or_of_the_papers_fit_and_failures_are_told(scored, trials):
     one, same, two = ([trials[name] for name in names] for names in (("low_1",), ("low_1", "low_2"),
                                                                      ("low_1", "high_1")))
-    assert assess(Refitting(one), sweep=False).left_out == ()
-    assert [row.kind for row in assess(Refitting(same), sweep=False).left_out] == ["trial", "trial"]
-    assert assess(Refitting(two), sweep=False, leave_out=False).left_out == ()
-    assert assess(Refitting(two, end=None), sweep=False).left_out == ()
-    rows = {row.left_out: row for row in assess(Refitting(two, fails=("high_1",)), sweep=False).left_out}
+    assert assess(Refitting(one), sweep=False, angle_errors=False).left_out == ()
+    assert [row.kind for row in assess(Refitting(same), sweep=False, angle_errors=False).left_out] == ["trial", "trial"]
+    assert assess(Refitting(two), sweep=False, angle_errors=False, leave_out=False).left_out == ()
+    assert assess(Refitting(two, end=None), sweep=False, angle_errors=False).left_out == ()
+    rows = {row.left_out: row for row in assess(
+        Refitting(two, fails=("high_1",)), sweep=False, angle_errors=False).left_out}
     assert "cannot do without" in rows["high_1",].failed and rows["high_1",].grf_rmse_bw is None
     assert rows["low_1",].failed == "" and rows["low_1",].grf_rmse_bw == pytest.approx(0.066)
 
@@ -203,7 +206,8 @@ def test_nothing_is_left_out_of_one_trial_stiffness_or_of_the_papers_fit_and_fai
 def test_held_out_recordings_of_one_file_name_are_told_by_their_folder(trials, monkeypatch):
     named = []
     monkeypatch.setattr(module, "_trial_score", lambda _, trial, label, name, *__: named.append((label, name)))
-    assess(Refitting([trials["low_1"]]), [replace(trials["high_1"], path=Path("/there/low_1.yaml"))], sweep=False)
+    assess(Refitting([trials["low_1"]]), [replace(trials["high_1"], path=Path("/there/low_1.yaml"))], sweep=False,
+           angle_errors=False)
     assert named == [("low_1", "low_1"), (None, "there/low_1")]
 
 
@@ -268,8 +272,9 @@ def bench(off=0.5, heel=(65.0, 67.25), mid_range=None):
                     mid_range=None if mid_range is None else beside(*mid_range))
 
 
-def words(found=None, *scores, left_out=(), measured=None):
-    text = verdict(found or solution(), Assessment(scores=(trial_score(), *scores), left_out=left_out, bench=measured))
+def words(found=None, *scores, left_out=(), measured=None, angle_errors=()):
+    text = verdict(found or solution(), Assessment(scores=(trial_score(), *scores), left_out=left_out, bench=measured,
+                                                   angle_errors=angle_errors))
     assert all(sentence.endswith(".") and "nan" not in sentence and "None" not in sentence for sentence in text)
     return " ".join(text)
 
@@ -281,6 +286,10 @@ LEFT = (LeftOut(kind="trial", left_out=("a",), grf_rmse_bw=0.03, cop_rmse_fl=0.1
         LeftOut(kind="trial", left_out=("c",), grf_rmse_bw=None, cop_rmse_fl=None, failed="fell over"),
         LeftOut(kind="stiffness", left_out=("a", "b"), grf_rmse_bw=0.08, cop_rmse_fl=0.1))
 FLOORS = [trial_score("low", "fitted", 0.01, floor=0.02), trial_score("b", "held out", 0.04, floor=0.03)]
+DISTURBED = [AngleErrorRow(role=role, sd_deg=sd, walks=28, failed=0, grf_rmse_bw=error, grf_rmse_bw_worst=error,
+                           beats_null=beaten, beats_null_of=28 * (sd < 1.0)) for role, sd, error, beaten in (
+    ("held out", 0.0, 0.026, 24), ("held out", 0.5, 0.061, 10), ("held out", 1.0, 0.104, 0),
+    ("fitted", 0.5, 0.011, 28))]
 SWEPT = [trial_score("a", "held out", sweep=sweep()), trial_score("b", "held out", sweep=sweep(at_end=True)),
          trial_score("c", "held out", sweep=sweep(right=False, best_mm=130.4))]
 KNOWN = {"unidentified": ("contact.heel.force", "curve.knee_angle_r.0", "trial.soft.height"),
@@ -296,7 +305,10 @@ KNOWN = {"unidentified": ("contact.heel.force", "curve.knee_angle_r.0", "trial.s
     (lambda: words(solution(fulcrums=(0.1, 0.1)), *HELD),
      ["one stiffness does not identify the model", "3 held-out trials: 3.0 % body weight", "at worst 4.0 % (bad)",
       "without any model: bad, even.", "is 3.0 % off on average"], ["No trial was held out"]),
-    (lambda: words(None, HELD[0]), ["stretched"], ["No better than"]),
+    (lambda: words(None, HELD[0]), ["stretched"], ["No better than", "for itself"]),
+    (lambda: words(None, HELD[0], angle_errors=DISTURBED),
+     ["for itself: 0.5° 6.1 % body weight, 36 % better than a stretched curve; 1° 10.4 % body weight. Read the row"],
+     ["2.6 %", "1.1 %"]),
     (lambda: words(None, *FLOORS), ["happen to cancel: low."], []),
     (lambda: words(left_out=LEFT),
      ["without each trial in turn, the one left out is predicted within 3.0 % to 5.0 % body",

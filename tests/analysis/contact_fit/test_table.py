@@ -15,8 +15,8 @@ from vsf_drake.analysis.contact_fit.table import curve_rows, fit_arrays, fit_jso
 
 FEW = ("offset.height", "contact.forefoot.force", "contact.heel.force", "socket.tz.stiffness", "trial.low_1.height",
        "curve.knee_angle_r.0", "curve.knee_angle_r.1")
-ALWAYS = set("""bench best_search curves history inputs_sha256 kind left_out message options parameters
-    published searches strategy subject success synthetic trials verdict versions wall_s""".split())
+ALWAYS = set("""angle_errors bench best_search curves history inputs_sha256 kind left_out message options
+    parameters published searches strategy subject success synthetic trials verdict versions wall_s""".split())
 JOINT = set("at_bound correlations noise singular_values together unidentified".split())
 PAPER = set("failed_simulations initial_rms_n rms_n simulations".split())
 QUANTITY = ("heel_measured", "heel_model", "measured", "model", "rmse", "uncertainty")
@@ -86,6 +86,14 @@ def test_trials_come_with_role_scores_and_hashes_of_their_files(solution, table,
     arrays = fit_arrays(table)
     for i, score in enumerate(judged.scores):
         np.testing.assert_array_equal(arrays[f"trial_{i}_model_bw"], score.curves.model_bw)
+
+
+def test_held_out_trials_without_errors_of_their_own_have_their_score(table):
+    """The contact file lays the fitted curves on the recorded samples, the fit on the steps of the walk."""
+    for role in ("fitted", "held out"):
+        still = next(row for row in table.angle_errors if (row.role, row.sd_deg) == (role, 0.0))
+        errors = [trial.score.metrics.grf_rmse_bw for trial in table.trials if trial.role == role]
+        assert still.walks == len(errors) and still.grf_rmse_bw == pytest.approx(np.mean(errors), abs=2e-5)
 
 
 def test_the_file_has_the_keys_of_its_strategy_and_no_nan(solution, table):

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vsf_drake.analysis.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
 from vsf_drake.analysis.comparison import rmse
 from vsf_drake.analysis.contact_fit.parameters import owner
 from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_with
@@ -22,6 +23,7 @@ from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_p
 from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import FitError, InputError, SimulationError
+from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial
 from vsf_drake.sentences import say
 
@@ -116,6 +118,7 @@ class Assessment:
     scores: tuple[TrialScore, ...]
     left_out: tuple[LeftOut, ...]
     bench: BenchRow | None
+    angle_errors: tuple[AngleErrorRow, ...] = ()  # none where it was not asked for
 
     def mean(self, role: str, key: str) -> float | None:
         """Mean of a metric over the trials of a role; None where there is none."""
@@ -124,7 +127,8 @@ class Assessment:
 
 def assess(
     solution: ContactFitSolution, held_out: Sequence[Trial] = (), *, sweep: bool = True, leave_out: bool = True,
-    floors: Mapping[str, float] | None = None, progress: Callable[[str, float], None] | None = None
+    angle_errors: bool = True, floors: Mapping[str, float] | None = None,
+    progress: Callable[[str, float], None] | None = None
 ) -> Assessment:
     """Judges a fit that succeeded, by trials of the same subject that were not fitted, too.
 
@@ -134,6 +138,7 @@ def assess(
     Args:
         sweep: whether to move the fulcrum over its range in every trial.
         leave_out: whether to fit again without each trial, and without each stiffness.
+        angle_errors: whether to walk every trial with errors of hip and knee of its own, too.
         floors: by label, the resultant error (BW) of the true foot on a recording's motion, where it is known.
 
     Raises:
@@ -155,7 +160,15 @@ def assess(
         scores.append(_trial_score(solution, trial, label, name, others, sweep, floors.get(name)))
     joint = isinstance(solution.end, JointEnd)  # the paper's fit is of one trial
     left = _left_out(solution, tell) if leave_out and joint and len(fit.trials) > 1 else ()
-    return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution))
+    rows: tuple[AngleErrorRow, ...] = ()
+    if angle_errors:
+        tell("walking with errors of hip and knee", 1.0)
+        contact = solution.contact()
+        rows = angle_error_rows(
+            [JudgedTrial(trial_with(trial, contact), score.role, score.metrics.null_model_grf_rmse_bw)
+             for trial, score in zip([*fit.trials, *held_out], scores, strict=True)],
+            step_s=fit.options.report_step_s, seed=fit.options.seed)
+    return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution), angle_errors=rows)
 
 
 def _trial_score(
@@ -269,7 +282,9 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
         "fit_verdict", message=solution.message, fitted=assessment.mean(FITTED, "grf_rmse_bw"),
         paper=PUBLISHED, one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
         held=assessment.mean(HELD_OUT, "grf_rmse_bw"),
-        worst=max(errors, key=lambda pair: pair[1], default=(None, 0.0))[0], nulls=[null for _, null in nulls],
+        worst=max(errors, key=lambda pair: pair[1], default=(None, 0.0))[0],
+        disturbed=[row for row in assessment.angle_errors if row.role == HELD_OUT and row.sd_deg and row.walks],
+        nulls=[null for _, null in nulls],
         beaten=[s.label for s, null in nulls if s.metrics.grf_rmse_bw is not None and s.metrics.grf_rmse_bw >= null],
         below=[s.label for s in scores if s.floor_grf_rmse_bw is not None and s.metrics.grf_rmse_bw is not None
                and s.metrics.grf_rmse_bw < s.floor_grf_rmse_bw],

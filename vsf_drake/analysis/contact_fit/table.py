@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vsf_drake.analysis.angle_errors import AngleErrorRow
 from vsf_drake.analysis.contact_fit.assessment import (
     FITTED,
     HELD_OUT,
@@ -94,6 +95,7 @@ class FitTable:
     message: str
     verdict: tuple[str, ...]
     left_out: tuple[LeftOut, ...]
+    angle_errors: tuple[AngleErrorRow, ...] = ()
     trials: tuple[FitTrialRow, ...]
     synthetic: bool
     subject: Subject
@@ -138,6 +140,7 @@ def fit_table(
         message=failed or ("" if solution is None else solution.message),
         verdict=() if good is None or judged is None else verdict(good, judged),
         left_out=() if judged is None else judged.left_out,
+        angle_errors=() if judged is None else judged.angle_errors,
         trials=tuple(FitTrialRow(
             label=name, file=trial.path.name, role=FITTED if i < len(fit.trials) else HELD_OUT,
             synthetic=trial.synthetic, fulcrum_mm=round(1e3 * trial.fulcrum_m, 9), notes=tuple(trial.notes),

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
+from vsf_drake.analysis.angle_errors import LIMB_ANGLES
 from vsf_drake.analysis.comparison import (
     FORCE_CUTOFF_HZ,
     THRESHOLD_N,
@@ -45,7 +46,6 @@ from vsf_drake.analysis.validation.sensitivity_indices import (
 from vsf_drake.analysis.validation.study import (
     HELD_OUT,
     KEEP,
-    LIMB_ANGLES,
     STEP_S,
     Progress,
     Section,

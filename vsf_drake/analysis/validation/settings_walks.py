@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.angle_errors import LIMB_ANGLES
 from vsf_drake.analysis.comparison import (
     FORCE_CUTOFF_HZ,
     MARGIN_S,
@@ -28,7 +29,7 @@ from vsf_drake.analysis.comparison import (
     uniform_grid,
     walk_axes,
 )
-from vsf_drake.analysis.validation.study import KEEP, LIMB_ANGLES, STEP_S, Progress, StudyWalk
+from vsf_drake.analysis.validation.study import KEEP, STEP_S, Progress, StudyWalk
 from vsf_drake.errors import InputError
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.fitted_trial import gait_phase

@@ -33,8 +33,6 @@ SETTINGS, REPEATS, TIERS = ("low", "medium", "high"), 3, ("laboratory", "exact")
 """Of the embedded trials."""
 KEEP, STEP_S = ("time_s", "grf_W", "cop_W", "energy_j"), 2e-3
 """What sections that walk often keep of a walk, and the step of these walks."""
-LIMB_ANGLES = ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "knee_adduction", "knee_rotation")
-"""Coordinates of a leg that place its foot, without the side's `_r` or `_l`."""
 _EMBEDDED = "data/reference_subject"
 _TYPICAL_EVALUATIONS = 25
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 
+from vsf_drake.analysis.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
 from vsf_drake.analysis.comparison import (
     PERCENT,
     Comparison,
@@ -136,6 +137,7 @@ class WalkingTable:
     held_out: RoleSummary | None
     fitted: RoleSummary | None
     offsets_fitted: RoleSummary | None
+    angle_errors: tuple[AngleErrorRow, ...]
     stance_r: float | None  # Pearson's over all walks
     stance_n: int
     angle_rmse_deg: float | None  # prescribed rotations, followed against commanded
@@ -157,7 +159,11 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     """
     show = progress or (lambda what, fraction: None)
     failures: dict[str, list[str]] = {}
-    sweeps = sweep_study(study, progress=lambda what, f: show(what, 0.8 * f), failures=failures)
+    sweeps = sweep_study(study, progress=lambda what, f: show(what, 0.7 * f), failures=failures)
+    show("walking with errors of hip and knee", 0.7)
+    angle_errors = angle_error_rows(
+        [JudgedTrial(walk.trial, walk.role, walk.metrics.null_model_grf_rmse_bw) for walk in study.walks],
+        step_s=study.options.step_s, seed=study.options.seed)
     show("comparing curves", 0.8)
     rows = [_walk_row(walk, sweeps[walk.label]) for walk in study.walks]
     curves = {walk.label: walk_curves(walk) for walk in study.walks}
@@ -178,7 +184,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     right = [row.sweep.right for row in rows if row.sweep is not None]
     table = WalkingTable(
         rows=tuple(rows), conditions=tuple(condition(x, own) for x, own in by_position.items()), held_out=held_out,
-        fitted=fitted, offsets_fitted=offsets_fitted, stance_r=stance_r, stance_n=stance_n,
+        fitted=fitted, offsets_fitted=offsets_fitted, angle_errors=angle_errors, stance_r=stance_r, stance_n=stance_n,
         angle_rmse_deg=finite(rms(walk.metrics.angle_rmse_deg for walk in study.walks)),
         angle_lag_ms=max((ms for walk in study.walks for ms in lags_ms(walk.result)), key=abs, default=None),
         angle_recording_rmse_deg=finite(rms(
