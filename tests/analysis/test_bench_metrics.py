@@ -61,8 +61,8 @@ def test_table_holds_what_was_put_in():
     assert bare.heel_stiffness_n_per_mm is None and len(bare.settings) == 2
 
 
-def test_closed_form_with_the_nominal_section_gives_the_published_range():
-    """Two compliances (fulcrum 236, series 54.8 N/mm) reconcile 27.1 N m² with 10 and 32 N/mm."""
+def test_closed_form_with_the_laminates_section_gives_the_published_range():
+    """Two compliances (fulcrum 236, series 54.8 N/mm) reconcile the laminate's 27.1 N m² with 10 and 32 N/mm."""
     k = bench_metrics.closed_form_stiffness(BENCH_PARAMETERS, np.array([0.066, 0.151]))
     np.testing.assert_allclose(k, [10e3, 32e3], rtol=0.01)
 
@@ -74,3 +74,14 @@ def test_the_foam_counts_with_its_mean_slope_between_the_loads():
     soft, stiff = (1.0 / bench_metrics.closed_form_stiffness(BENCH_PARAMETERS | more, 0.1)
                    for more in (foam, {"series_stiffness_n_per_m": 1e30}))
     assert soft == pytest.approx(stiff + depth / 400.0, rel=1e-9)
+
+
+def test_tuned_joints_equal_the_statics_of_a_keel_clamped_at_its_fulcrum():
+    """Second method: joint angles from the load's moment at each joint, and what they move at the load. In N mm, deg."""
+    for fulcrum_mm, expected in ((66, 9.7), (87, 12.6), (108, 16.7), (129, 22.9), (150, 32.0)):
+        travel = 1000.0 / 62.8
+        for joint_mm in range(fulcrum_mm, 199, 21):
+            angle_deg = 1000.0 * (199 - joint_mm) / (1e3 * (13.839 - 0.0677 * fulcrum_mm))
+            travel += np.radians(angle_deg) * (199 - joint_mm)
+        found = bench_metrics.TUNED_JOINTS_N_PER_M[fulcrum_mm / 1000]
+        assert found == pytest.approx(1e3 * 1000.0 / travel, rel=1e-9) == pytest.approx(1e3 * expected, abs=50.0)

@@ -168,7 +168,7 @@ def test_undamped_foam_without_friction_is_steady_up_to_the_largest_step_and_ref
 
 def test_steps_and_supports_that_cannot_be_are_refused():
     coarse = MultibodyPlant(1e-3)
-    with pytest.raises(InputError, match=r"kelvin_voigt is an explicit force.*at most 0\.1 ms, contact drake_point"):
+    with pytest.raises(InputError, match=r"kelvin_voigt is an explicit force.*at most 0\.11 ms, contact drake_point"):
         add_foot(coarse, coarse.world_frame(), FOOT)
     builder = DiagramBuilder()
     plant = builder.AddSystem(MultibodyPlant(1e-5))

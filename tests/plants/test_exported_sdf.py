@@ -54,25 +54,26 @@ def test_collision_spheres_leave_one_another_alone_and_may_be_left_out():
     assert scene_graph.model_inspector().NumGeometriesWithRole(Role.kIllustration) >= 24
 
 
-@pytest.mark.parametrize(("fulcrum_m", "apart"), [(0.066, 0.01), (0.108, 0.002), (0.151, 0.002)])
-def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(fulcrum_m, apart):
-    """The bushing is the support to first order. It leans by half the angle of the keel over the fulcrum, 0.1 rad at
-    600 N and 66 mm, and its force along z falls with the square of it."""
+@pytest.mark.parametrize("fulcrum_m", [0.066, 0.108, 0.151])
+def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(fulcrum_m):
+    """The bushing is the support to first order. It leans by half the angle of the keel over the fulcrum, F a l / (3 E I)
+    of a beam on rigid supports, 0.13 to 0.17 rad at 600 N; what that does goes with the square of it."""
     plant = read(foot_sdf(NOMINAL, fulcrum_m=fulcrum_m), weight=False)
+    bending = NOMINAL.keel.flexural_modulus_pa * section_inertia(NOMINAL.keel.width_m, NOMINAL.keel.thickness_m)
     known = lumped_stiffness(
-        bending_stiffness=NOMINAL.keel.flexural_modulus_pa * section_inertia(
-            NOMINAL.keel.width_m, NOMINAL.keel.thickness_m),
-        element_lengths=NOMINAL.keel.element_lengths_m, support=fulcrum_m, load_point=NOMINAL.load_point_m,
+        bending_stiffness=bending, element_lengths=NOMINAL.keel.element_lengths_m, support=fulcrum_m, load_point=NOMINAL.load_point_m,
         fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m)
     assert 1e-2 / rise_in_drake(plant, NOMINAL, 1e-2) == pytest.approx(known, rel=1e-8)
     loads = np.array([200.0, 600.0])
     known = [keel_shape(NOMINAL, fulcrum_m=fulcrum_m, load_n=load).load_point_K[1] for load in loads]
-    np.testing.assert_allclose([rise_in_drake(plant, NOMINAL, load) for load in loads], known, rtol=apart)
+    angles = loads * (NOMINAL.load_point_m - fulcrum_m) * fulcrum_m / (3.0 * bending)
+    found = np.array([rise_in_drake(plant, NOMINAL, load) for load in loads])
+    assert (np.abs(found / known - 1.0) < angles**2).all()
 
 
 def test_file_alone_bears_a_load_dropped_on_drakes_own_contact():
-    """60 kg on a rail fall 20 mm at steps of 1 ms, with nothing of this package in the plant: then they are borne."""
-    plant, _ = AddMultibodyPlantSceneGraph(builder := DiagramBuilder(), 1e-3)
+    """60 kg on a rail fall 20 mm at steps of 0.5 ms, with nothing of this package in the plant: then they are borne."""
+    plant, _ = AddMultibodyPlantSceneGraph(builder := DiagramBuilder(), 5e-4)
     foot, = Parser(plant).AddModelsFromString(foot_sdf(NOMINAL, fulcrum_m=0.108), "sdf")
     load = plant.AddRigidBody("load", foot, box(60.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.1)))
     plant.WeldFrames(load.body_frame(), plant.GetFrameByName("vsf_mount"))

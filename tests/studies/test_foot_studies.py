@@ -15,7 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from refined_spheres import fill, with_spheres
 from scipy.spatial import ConvexHull
 
-from vsf_drake.analysis.bench_metrics import displacement, stiffness
+from vsf_drake.analysis.bench_metrics import TUNED_JOINTS_N_PER_M, bench_table, displacement, stiffness
 from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
@@ -24,7 +24,7 @@ from vsf_drake.model_file import check_model, foam_under_load, load_model
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import FootParameters, ModelParameters
 from vsf_drake.plants.foot import add_foot, with_elements
-from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench
+from vsf_drake.simulation.bench import PUBLISHED_SPEED_M_PER_S, Bench, run_bench
 
 
 @pytest.fixture(scope="module")
@@ -41,26 +41,49 @@ def test_shipped_model_is_the_default_and_its_forefoot_has_the_bench_foams_stiff
     assert foam_under_load(foot) == pytest.approx((total, 1.0))
 
 
-def test_calibration_recovers_compliances_that_made_the_data():
-    truth = with_compliances(FootParameters(), fulcrum_stiffness=250e3, series_stiffness=50e3)
-    measured = {}
+@pytest.mark.parametrize(("soft", "modulus_pa", "support_n_per_m"), [("keel", 9e9, 2e6), ("support", 18.6e9, 250e3)])
+def test_calibration_recovers_compliances_that_made_the_data(soft, modulus_pa, support_n_per_m):
+    guess = {"modulus_pa": 18.6e9, "support_n_per_m": 2e6, "series_n_per_m": 60e3}
+    truth = guess | {"modulus_pa": modulus_pa, "support_n_per_m": support_n_per_m, "series_n_per_m": 50e3}
+    guess |= {"modulus_pa": 7e9} if soft == "keel" else {"support_n_per_m": 200e3}
+    bench, measured = Bench(with_compliances(FootParameters(), **truth)), {}
     for fulcrum_m in (0.066, 0.151):
-        run = Bench(truth).press(fulcrum_m=fulcrum_m, max_load_n=600.0, speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
+        run = bench.press(fulcrum_m=fulcrum_m, max_load_n=600.0, speed_m_per_s=PUBLISHED_SPEED_M_PER_S)
         measured[fulcrum_m] = stiffness(displacement(run), run.load_n)
-    calibration = calibrate_device(FootParameters(), measured=measured)
-    assert calibration.success
-    assert calibration.fulcrum_stiffness == pytest.approx(250e3, rel=1e-3)
-    assert calibration.series_stiffness == pytest.approx(50e3, rel=1e-3)
+    found = calibrate_device(with_compliances(FootParameters(), **guess), soft=soft, measured=measured)
+    assert found.keel.flexural_modulus_pa == pytest.approx(modulus_pa, rel=1e-3)
+    assert found.fulcrum.stiffness_n_per_m == pytest.approx(support_n_per_m, rel=1e-3)
+    assert found.series_stiffness_n_per_m == pytest.approx(50e3, rel=1e-3)
     with pytest.raises(InputError, match="two or more"):
-        calibrate_device(FootParameters(), measured={0.066: 10e3})
+        calibrate_device(FootParameters(), soft=soft, measured={0.066: 10e3})
+
+
+def test_nominal_bench_meets_the_published_ends_and_between_them_the_tuned_joints(nominal):
+    """Bands: 3 % at the soft end, 0.5 N/mm at the stiff one, 0.8 N/mm in between; at the heel 2 of 65 N/mm."""
+    table = bench_table(run_bench(nominal))
+    found = {row.fulcrum_mm: row.stiffness_n_per_mm for row in table.settings}
+    assert found[66] == pytest.approx(10.0, abs=0.3) and found[151] == pytest.approx(32.0, abs=0.5)
+    for fulcrum_mm in (87, 108, 129):
+        assert found[fulcrum_mm] == pytest.approx(1e-3 * TUNED_JOINTS_N_PER_M[fulcrum_mm / 1000], abs=0.8)
+    assert table.heel_stiffness_n_per_mm == pytest.approx(65.0, abs=2.0)
+
+
+def test_support_of_the_nominal_foot_sinks_less_than_a_millimetre_and_that_of_the_other_ten(nominal):
+    """Moments about A: the support bears F x_load / x_fulcrum, 1.81 kN of 600 N."""
+    reaction = 600.0 * 0.199 / 0.066
+    assert reaction / nominal.foot.fulcrum.stiffness_n_per_m < 1e-3
+    other = load_model(resource("models/soft_support.yaml")).foot
+    assert reaction / other.fulcrum.stiffness_n_per_m == pytest.approx(10e-3, abs=0.5e-3)
+    assert other.keel.flexural_modulus_pa == 18.6e9
 
 
 @pytest.mark.slow
-def test_study_writes_the_shipped_model_again(tmp_path, monkeypatch):
+def test_study_writes_the_shipped_models_again(tmp_path, monkeypatch):
     study = Path(__file__).resolve().parents[2] / "studies" / "calibrate_device.py"
     monkeypatch.setattr(sys, "argv", [str(study), "--quick", "--out", str(tmp_path)])
     runpy.run_path(str(study), run_name="__main__")
-    assert load_model(tmp_path / "nominal.yaml") == load_model(resource("models/nominal.yaml"))
+    for name in ("nominal.yaml", "soft_support.yaml"):
+        assert (tmp_path / name).read_text() == resource(f"models/{name}").read_text()
 
 
 # The same foot in more pieces.

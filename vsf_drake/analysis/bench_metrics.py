@@ -2,11 +2,13 @@
 
 Stiffness (McGeehan 2021, eq. 3, doi 10.1115/1.4050456) is the mean slope dF/dx above 200 N, where
 the foam no longer dominates. Published end points: Glanzer & Adamczyk 2018 (PMC6289620), 10 and
-32 N/mm; heel 65 N/mm (McGeehan 2021). What lies between the end points is a prediction.
+32 N/mm; heel 65 N/mm (McGeehan 2021). Between them nothing is published but the joints that the paper's authors tuned
+on their bench, position by position, in their public model (GaitModel_VSF scripts).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +22,23 @@ from vsf_drake.simulation.results import BenchResult, BenchSetting
 
 PUBLISHED_STIFFNESS_N_PER_M = {0.066: 10e3, 0.151: 32e3}  # fulcrum (m) -> stiffness (N/m), measured on the prototype
 PUBLISHED_HEEL_STIFFNESS_N_PER_M = 65e3
+
+
+def _tuned_joints(fulcrum_mm: float, *, series_n_per_m: float = 62.8e3) -> float:
+    """Stiffness (N/m) for small loads of the keel in the GaitModel_VSF scripts, its fulcrum at one of its joints.
+
+    A cantilever from the fulcrum on: 1 / k is the sum over the joints from there to the load, at 199 mm, of
+    (x_load - x_joint)^2 / k_joint, and 1 / series. The scripts have joints every 21 mm from 66 mm on, each of
+    13.839 - 0.0677 * fulcrum in mm (N m per degree), a regression that their authors tuned on the bench. They give no
+    series spring; the 62.8 N/mm are ours, so that 150 mm has 32.0 N/mm, published for 151 mm.
+    """
+    joint = math.degrees(13.839 - 0.0677 * fulcrum_mm)  # N m/rad
+    return 1.0 / (sum((1e-3 * (199 - x)) ** 2 for x in range(66, 199, 21) if x >= fulcrum_mm) / joint
+                  + 1.0 / series_n_per_m)
+
+
+TUNED_JOINTS_N_PER_M = {x / 1000: _tuned_joints(x) for x in (66, 87, 108, 129, 150)}
+"""Fulcrum (m) -> stiffness (N/m) of the authors' tuned joints: derived from their scripts, not a measurement."""
 LOAD_N = 600.0
 """Largest load of the paper's passes."""
 _SAME_POSITION_M = 5e-4
