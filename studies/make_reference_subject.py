@@ -20,7 +20,7 @@ from virtual_laboratory.markers import write_standing, write_walk
 from virtual_laboratory.motion import Person, base_motion
 from virtual_laboratory.placing import place, start
 from virtual_laboratory.polish import polish
-from virtual_laboratory.prosthesis import Prosthesis
+from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.recording import Recorded, in_radians, record
 from virtual_laboratory.targets import Draw, draw_trials
 from virtual_laboratory.tiers import draw_placement, exact, laboratory
@@ -79,7 +79,7 @@ def walk_trial(person: Person, draw: Draw, steps: int) -> Recorded:
     """One trial from its draw to its recording."""
     attempt = start(draw, base_motion)
     device, intact = place(person, attempt)
-    prosthesis = Prosthesis(person.subject, draw.fulcrum_m)
+    prosthesis = prosthesis_of(person.subject, draw.fulcrum_m)
     polish(person, attempt, prosthesis, device, intact, steps)
     return record(person, prosthesis, attempt, intact)
 

@@ -13,7 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from virtual_laboratory.motion import COORDINATES, Person, base_motion
 from virtual_laboratory.placing import RATE_HZ, place, recorded_time, start
 from virtual_laboratory.polish import FORCE_HZ, forward, polish
-from virtual_laboratory.prosthesis import Prosthesis
+from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.recording import MOVED_M, in_radians, record
 from virtual_laboratory.supports import intact_supports
 from virtual_laboratory.targets import draw_trials, intact_force, prosthetic_force
@@ -231,7 +231,7 @@ def test_what_a_motion_is_recorded_as_comes_out_again(tmp_path):
     time, q = recorded_time(draw), in_radians(stored.values[:, at]) - np.isin(COORDINATES, "pelvis_tx") * MOVED_M
     load = WEIGHT * intact_force(draw, time)[:, 2]
     attempt = start(draw, lambda *_: q)
-    trial = record(person, Prosthesis(subject, draw.fulcrum_m), attempt, intact_supports(person, draw, load, time))
+    trial = record(person, prosthesis_of(subject, draw.fulcrum_m), attempt, intact_supports(person, draw, load, time))
     for tier in (exact(trial), laboratory(trial, draw_placement(SEED), SEED, draws.index(draw))):
         write_trial(tmp_path, trial, tier)
     for tier, kind in itertools.product(("exact", "laboratory"), ("kinematics", "forces")):
@@ -244,7 +244,7 @@ def test_what_a_motion_is_recorded_as_comes_out_again(tmp_path):
 def test_a_motion_is_made_to_carry_the_wished_force():
     """Each correction leaves two thirds of the error or less; the recorded motion has had a dozen."""
     draw, subject = draw_trials(SEED)[NAMES.index("high_1")], load_yaml(FOLDER / "subject.yaml", Subject)
-    person, prosthesis = Person(subject, default_model()), Prosthesis(subject, draw.fulcrum_m)
+    person, prosthesis = Person(subject, default_model()), prosthesis_of(subject, draw.fulcrum_m)
     attempt = start(draw, base_motion)
     device, intact = place(person, attempt)
     wished, off = WEIGHT * prosthetic_force(draw, attempt.time_s), []

@@ -1,12 +1,13 @@
-"""Numbers of the virtual prosthesis: what it is made of. Tuned ones come from `bench.py --tune`.
+"""Numbers of the virtual prosthesis: what it is made of, and how a maker makes it longer.
 
-Published geometry (keel length, load point, fulcrum range, build height, foam) comes from
-`vsf_drake.parameters`; everything here is a choice, unless a source is named, and differs on purpose
-from the model under test.
+Everything here is a choice, unless a source is named, and differs on purpose from the model under test. The default is
+the reference subject's foot, whose compliances come from `bench.py --tune`; `people.py` holds the others. Lengths
+along the foot count from A, the keel's posterior end.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 
@@ -15,24 +16,71 @@ class KeelDesign:
     """Leaf spring of `elements` rigid bars with sprung hinges at its nodes, thinner and narrower to the toe."""
 
     elements: int = 36
-    modulus_pa: float = 18.6e9
-    """G10/FR4, McGeehan 2021 (doi 10.1115/1.4050456)."""
+    length_m: float = 0.229
+    """Public GaitModel_VSF scripts."""
+    modulus_pa: float = 7.3405e9
+    """Effective, with the two foams below tuned on the bench (`bench.py --tune`) to 10.000 N/mm at 66 mm, 32.000 at
+    151 mm and a heel of 65.000; then 12.57, 16.38, 22.18 and 31.44 N/mm at 87, 108, 129 and 150 mm. The joints that the
+    authors of the model tuned position by position (public GaitModel_VSF scripts: 13.839 - 0.0677 N m/deg per mm of
+    fulcrum, every 21 mm, a cantilever from the fulcrum on, one spring of 62.8 N/mm in series) give 12.6, 16.7, 22.9 and
+    32.0. McGeehan 2021 (doi 10.1115/1.4050456) has 18.6 GPa for the material, G10/FR4; with it the keel alone is too
+    stiff at 151 mm and only a support that sinks by 10 mm makes up for it."""
     density_kg_m3: float = 1850.0
     """G10/FR4 data sheets."""
     thickness_rear_m: float = 6.6e-3
-    thickness_tip_m: float = 4.4e-3
+    thickness_tip_m: float = 4.6e-3
     thickness_from_m: float = 0.110
-    """Thickness falls linearly from here (m from A) to the tip."""
+    """Thickness falls linearly from here to the tip."""
     width_rear_m: float = 0.0684
+    """Public GaitModel_VSF scripts."""
     width_tip_m: float = 0.058
     width_from_m: float = 0.150
     """Width falls linearly from here to the tip."""
     damping_time_s: float = 4e-3
     """Hinge damping / stiffness: loses 7 % of the energy of a load cycle of 0.6 s."""
-    fulcrum_stiffness_n_per_m: float = 151.67e3
-    """Tuned on the bench (`bench.py --tune`) with the two foams below: 10.000 N/mm at 66 mm, 32.000 at 151 mm, heel
-    65.000; then 13.74, 18.44 and 24.32 N/mm at 87, 108 and 129 mm."""
-    fulcrum_damping_time_s: float = 1e-3
+    twists: int = 0
+    """Torsional hinges, evenly along the keel; none: the keel does not twist."""
+    shear_modulus_pa: float = 4.0e9
+    """Of the torsional hinges."""
+    clamp_nm_per_rad: float = 0.0
+    """Rotational stiffness of the anchor at A against bending; 0 is a pin. Against twist the anchor is rigid."""
+
+
+@dataclass(frozen=True)
+class SupportDesign:
+    """The fulcrum: a roller above the keel that holds it down where the toe is pushed up, at both ends of its width."""
+
+    stiffness_n_per_m: float = 2.0e6
+    """Sinks 0.9 mm under the 1.8 kN that it carries at 66 mm when 600 N press the toe."""
+    damping_time_s: float = 1e-3
+    half_width_m: float = 0.025
+    one_sided: bool = False
+    """Whether the keel can leave the roller."""
+    play_m: float = 0.0
+    """Gap to the roller of a one-sided support without load."""
+    rearmost_m: float = 0.066
+    foremost_m: float = 0.151
+    """McGeehan 2021 (doi 10.1115/1.4050456)."""
+    carriage_mass_kg: float = 0.1
+
+
+@dataclass(frozen=True)
+class FrameDesign:
+    """The rigid frame between pylon and keel, with the heel block below it."""
+
+    build_height_m: float = 0.087
+    """Pylon's end to the unloaded sole; Glanzer & Adamczyk 2018 (PMC6289620)."""
+    mass_kg: float = 0.649
+    """Of the whole foot, keel and carriage included; the same source."""
+    pylon_x_m: float = 0.055
+    block_until_m: float = 0.066
+    """Foam behind this sits on the rigid heel block."""
+    foam_thickness_m: float = 0.030
+    """Public GaitModel_VSF scripts."""
+    load_point_m: float = 0.199
+    """Where the testing machine presses; McGeehan 2021."""
+    patch_m: float = 0.040
+    """Length of its load shoe."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +91,7 @@ class SoleDesign:
     rows: int = 7
     rear_m: float = -0.012
     front_m: float = 0.233
-    """Ends of the sole (m from A): the published foam base of 245 mm, keel 229 mm."""
+    """Ends of the sole: the foam base of 245 mm of the public GaitModel_VSF scripts."""
     rocker_radius_m: float = 3.0
     rocker_centre_m: float = 0.090
     """Where the unloaded sole is lowest, at the nominal sole's height."""
@@ -56,7 +104,7 @@ class SoleDesign:
     edge_radius_m: float = 0.010
     end_length_m: float = 0.020
     """Over this length the outline rounds off at heel and toe."""
-    foam_modulus_pa: float = 0.5477e6
+    foam_modulus_pa: float = 0.39912e6
     """Under the keel; tuned on the bench."""
     heel_modulus_pa: float = 0.32094e6
     """Under the heel block; tuned on the bench."""
@@ -100,8 +148,27 @@ class SocketDesign:
 
 @dataclass(frozen=True)
 class Design:
-    """The whole prosthesis."""
+    """The whole prosthesis; without a support its keel is a plain cantilever from A."""
 
     keel: KeelDesign = KeelDesign()
+    support: SupportDesign | None = SupportDesign()
+    frame: FrameDesign = FrameDesign()
     sole: SoleDesign = SoleDesign()
     socket: SocketDesign = SocketDesign()
+
+
+def longer(design: Design, scale: float) -> Design:
+    """The same foot in another size.
+
+    Frame, carriage and its travel, heel block, build height, foam thickness and the keel's section serve all sizes;
+    keel and sole are longer, the sole is wider, and the taper, the rocker, the toe and the point of load go along.
+    """
+    keel, frame, sole = design.keel, design.frame, design.sole
+    along = ("rear_m", "front_m", "rocker_centre_m", "toe_from_m", "toe_radius_m", "half_width_heel_m",
+             "half_width_fore_m")
+    return dataclasses.replace(
+        design,
+        keel=dataclasses.replace(keel, **{name: scale * getattr(keel, name)
+                                          for name in ("length_m", "thickness_from_m", "width_from_m")}),
+        frame=dataclasses.replace(frame, load_point_m=scale * frame.load_point_m),
+        sole=dataclasses.replace(sole, **{name: scale * getattr(sole, name) for name in along}))

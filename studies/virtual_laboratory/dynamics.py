@@ -3,7 +3,7 @@
 Backward Euler on positions: every mass point obeys m ((x - x0) / h - v0) / h = m g + f(x, (x - x0) / h), all
 forces at the end of the step, written in the coordinates (pose of P, hinge angles) and solved by Newton. The
 tangent is assembled body by body as 6 x 6 blocks about P's origin and summed from the toe to A (a composite
-body for each hinge), so that the chain's rotations are exact however far it bends.
+body for each hinge), so that the chain's rotations are exact however far it bends and twists.
 
 Spatial vectors are (about/moment, along/force) in P's axes about P's origin.
 """
@@ -32,92 +32,110 @@ LARGEST_CORRECTION = 0.05
 
 
 @numba.njit(cache=True)
-def chain(device: Device, q: np.ndarray, hinges: np.ndarray, angles: np.ndarray) -> None:
-    """Hinge positions (N + 1, the last is the tip; x, z in P) and the bars' angles (N)."""
-    angle = 0.0
-    hinges[0, 0], hinges[0, 1] = device.anchor[0], device.anchor[2]
-    for i in range(len(q)):
-        angle += q[i]
-        angles[i] = angle
-        hinges[i + 1, 0] = hinges[i, 0] + device.lengths[i] * math.cos(angle)
-        hinges[i + 1, 1] = hinges[i, 1] + device.lengths[i] * math.sin(angle)
+def chain(device: Device, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray, axes: np.ndarray) -> None:
+    """Hinge positions (N + 1, 3; the last is the tip), the bars' rotations (N, 3, 3) and hinge axes (N + T, 3) in P."""
+    count, t = len(device.lengths), 0
+    R = np.eye(3)
+    hinges[0] = device.anchor
+    for i in range(count):
+        if t < len(device.twist_bars) and device.twist_bars[t] == i:
+            cosine, sine = math.cos(q[count + t]), math.sin(q[count + t])
+            for a in range(3):
+                axes[count + t, a] = R[a, 0]
+                y, z = R[a, 1], R[a, 2]
+                R[a, 1], R[a, 2] = cosine * y + sine * z, cosine * z - sine * y
+            t += 1
+        cosine, sine = math.cos(q[i]), math.sin(q[i])
+        for a in range(3):
+            axes[i, a] = -R[a, 1]
+            x, z = R[a, 0], R[a, 2]
+            R[a, 0], R[a, 2] = cosine * x + sine * z, cosine * z - sine * x
+            hinges[i + 1, a] = hinges[i, a] + device.lengths[i] * R[a, 0]
+            for b in range(3):
+                bars[i, a, b] = R[a, b]
 
 
 @numba.njit(cache=True)
-def cell_in_p(device: Device, k: int, hinges: np.ndarray, angles: np.ndarray) -> tuple[float, float, float]:
+def cell_in_p(device: Device, k: int, hinges: np.ndarray, bars: np.ndarray) -> tuple[float, float, float]:
     """Position in P of foam cell `k`."""
-    body = device.bodies[k]
+    body = device.bodies[k] - 1
     a, b, c = device.points[k, 0], device.points[k, 1], device.points[k, 2]
-    if body == 0:
+    if body < 0:
         return a, b, c
-    cosine, sine = math.cos(angles[body - 1]), math.sin(angles[body - 1])
-    return hinges[body - 1, 0] + a * cosine - c * sine, b, hinges[body - 1, 1] + a * sine + c * cosine
+    return (hinges[body, 0] + bars[body, 0, 0] * a + bars[body, 0, 1] * b + bars[body, 0, 2] * c,
+            hinges[body, 1] + bars[body, 1, 0] * a + bars[body, 1, 1] * b + bars[body, 1, 2] * c,
+            hinges[body, 2] + bars[body, 2, 0] * a + bars[body, 2, 1] * b + bars[body, 2, 2] * c)
 
 
 @numba.njit(cache=True)
 def add_point(
-    wrench: np.ndarray, block: np.ndarray, x: float, y: float, z: float, f: np.ndarray, D: np.ndarray
+    wrench: np.ndarray, block: np.ndarray, virial: np.ndarray, r: np.ndarray, f: np.ndarray, D: np.ndarray
 ) -> None:
-    """Adds force `f` (P axes) at (x, y, z) and its stiffness `D` (3, 3) to a body's wrench and 6 x 6 block."""
+    """Adds force `f` (P axes) at r and its stiffness `D` (3, 3) to a body's wrench, 6 x 6 block and r f^T (3, 3)."""
+    x, y, z = r[0], r[1], r[2]
     wrench[0] += y * f[2] - z * f[1]
     wrench[1] += z * f[0] - x * f[2]
     wrench[2] += x * f[1] - y * f[0]
     for i in range(3):
         wrench[3 + i] += f[i]
-    # block += [rx; 1] D [rx; 1]^T with rx the cross matrix of r
-    E = np.empty((3, 3))
-    for j in range(3):
-        E[0, j] = y * D[2, j] - z * D[1, j]
-        E[1, j] = z * D[0, j] - x * D[2, j]
-        E[2, j] = x * D[1, j] - y * D[0, j]
-    for i in range(3):
-        block[i, 0] += E[i, 2] * y - E[i, 1] * z
-        block[i, 1] += E[i, 0] * z - E[i, 2] * x
-        block[i, 2] += E[i, 1] * x - E[i, 0] * y
         for j in range(3):
-            block[i, 3 + j] += E[i, j]
-            block[3 + j, i] += E[i, j]
+            virial[i, j] += r[i] * f[j]
+    # block += [rx; 1] D [rx; 1]^T with rx the cross matrix of r
+    for j in range(3):
+        e0, e1, e2 = y * D[2, j] - z * D[1, j], z * D[0, j] - x * D[2, j], x * D[1, j] - y * D[0, j]
+        block[0, 3 + j] += e0
+        block[1, 3 + j] += e1
+        block[2, 3 + j] += e2
+        block[3 + j, 0] += e0
+        block[3 + j, 1] += e1
+        block[3 + j, 2] += e2
+        for i in range(3):
             block[3 + i, 3 + j] += D[i, j]
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        e0, e1, e2 = (r[a] * D[b, 0] - r[b] * D[a, 0], r[a] * D[b, 1] - r[b] * D[a, 1], r[a] * D[b, 2] - r[b] * D[a, 2])
+        block[i, 0] += e2 * y - e1 * z
+        block[i, 1] += e0 * z - e2 * x
+        block[i, 2] += e1 * x - e0 * y
 
 
 @numba.njit(cache=True)
 def add_masses(
     device: Device, state: State, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, h: float,
-    wrench: np.ndarray, block: np.ndarray, turning: np.ndarray,
+    wrench: np.ndarray, block: np.ndarray, virial: np.ndarray,
 ) -> None:
     """Inertia and weight of every mass point."""
     rigid, bars = len(device.masses), len(device.lengths)
-    D, f, fw = np.zeros((3, 3)), np.empty(3), np.empty(3)
+    D, f, fw, r = np.zeros((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     for k in range(rigid + bars):
         if k < rigid:
-            x, y, z = device.mass_points[k, 0], device.mass_points[k, 1], device.mass_points[k, 2]
+            r[:] = device.mass_points[k]
             mass, body = device.masses[k], 0
         else:
             body = k - rigid + 1
-            x, y, z = hinges[body, 0], device.anchor[1], hinges[body, 1]
+            r[:] = hinges[body]
             mass = device.node_masses[body - 1]
         for i in range(3):
-            now = p[i] + R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
+            now = p[i] + R[i, 0] * r[0] + R[i, 1] * r[1] + R[i, 2] * r[2]
             fw[i] = -mass * ((now - state.mass_x[k, i]) / h - state.mass_v[k, i]) / h
             D[i, i] = mass / (h * h)
         fw[2] -= mass * device.gravity
         for i in range(3):
             f[i] = R[0, i] * fw[0] + R[1, i] * fw[1] + R[2, i] * fw[2]
-        add_point(wrench[body], block[body], x, y, z, f, D)
-        turning[body] += f[0] * x + f[2] * z
+        add_point(wrench[body], block[body], virial[body], r, f, D)
 
 
 @numba.njit(cache=True)
 def add_ground(
-    device: Device, state: State, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, angles: np.ndarray, h: float,
-    wrench: np.ndarray, block: np.ndarray, turning: np.ndarray, forces: np.ndarray, shear: np.ndarray,
+    device: Device, state: State, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, bars: np.ndarray, h: float,
+    wrench: np.ndarray, block: np.ndarray, virial: np.ndarray, forces: np.ndarray, shear: np.ndarray,
 ) -> None:
     """Contact of every foam cell; its force (W) goes to `forces`, the remaining shear of its anchor to `shear`."""
-    fw, f, D, DW = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros((3, 3))
+    fw, f, r, D, DW = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros((3, 3))
     for k in range(len(device.bodies)):
         forces[k, 0] = forces[k, 1] = forces[k, 2] = 0.0
         shear[k, 0] = shear[k, 1] = 0.0
-        x, y, z = cell_in_p(device, k, hinges, angles)
+        x, y, z = r[0], r[1], r[2] = cell_in_p(device, k, hinges, bars)
         height = p[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z
         if height >= 0.0:
             continue
@@ -147,8 +165,7 @@ def add_ground(
             f[i] = R[0, i] * fw[0] + R[1, i] * fw[1] + R[2, i] * fw[2]
         _rotate(DW, R, D)
         body = device.bodies[k]
-        add_point(wrench[body], block[body], x, y, z, f, D)
-        turning[body] += f[0] * x + f[2] * z
+        add_point(wrench[body], block[body], virial[body], r, f, D)
 
 
 @numba.njit(cache=True)
@@ -166,11 +183,11 @@ def _rotate(D_W: np.ndarray, R: np.ndarray, D: np.ndarray) -> None:
 def socket_displacement(
     device: Device, R: np.ndarray, p: np.ndarray, R_S: np.ndarray, p_S: np.ndarray
 ) -> np.ndarray:
-    """(6,) displacement (m) and rotation vector (rad) of P against the end of the residual limb, in S."""
+    """(6,) displacement (m) and rotation vector (rad) of the socket (E) against the end of the residual limb, in S."""
     u = np.empty(6)
     gap = p - p_S + device.residual_length * R_S[:, 2]
     u[:3] = R_S.T @ gap
-    u[3:] = rotation_vector(R_S.T @ R)
+    u[3:] = rotation_vector(R_S.T @ R @ device.R_EP.T)
     return u
 
 

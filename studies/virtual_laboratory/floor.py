@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from virtual_laboratory.motion import COORDINATES, Person
 from virtual_laboratory.polish import FORCE_HZ
 from virtual_laboratory.polish import walk as walk_prosthesis
-from virtual_laboratory.prosthesis import Prosthesis
+from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.targets import draw_trials
 from virtual_laboratory.tiers import PLACED, draw_placement, shared_error_deg
 from vsf_drake.analysis.metrics import walk_metrics
@@ -86,7 +86,7 @@ def virtual_walk(trial: Trial, trajectory: CoordinateTrajectory | None = None) -
     path = (trajectory or trial.trajectory).ordered(COORDINATES)
     began = time.perf_counter()
     instants = trial.start_s + np.arange(int((trial.end_s - trial.start_s) * FORCE_HZ + 1e-6) + 1) / FORCE_HZ
-    person, prosthesis = Person(trial.subject, trial.model), Prosthesis(trial.subject, trial.fulcrum_m)
+    person, prosthesis = Person(trial.subject, trial.model), prosthesis_of(trial.subject, trial.fulcrum_m)
     reaction = walk_prosthesis(person, prosthesis, path.time_s, path.values, instants)
     return VirtualWalk(
         time_s=instants, grf_W=reaction.force, cop_W=reaction.cop, trajectory=path, trial_name=trial.name,

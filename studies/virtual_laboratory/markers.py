@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from virtual_laboratory.motion import COORDINATES, SEGMENTS, Person
 from virtual_laboratory.placing import RATE_HZ
-from virtual_laboratory.prosthesis import Prosthesis
+from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.trc import write_trc
 from vsf_drake.files import replaced
 from vsf_drake.parameters import GRAVITY
@@ -93,7 +93,7 @@ def standing(person: Person, shorter_m: float) -> np.ndarray:
 def write_standing(folder: Path, person: Person) -> None:
     """`static.trc` in `folder`: half of the weight on the prosthesis, its fulcrum in mid-range."""
     folder.mkdir(parents=True, exist_ok=True)
-    shorter_m = shortening(Prosthesis(person.subject, 0.108), 0.5 * GRAVITY * person.subject.mass_kg)
+    shorter_m = shortening(prosthesis_of(person.subject, 0.108), 0.5 * GRAVITY * person.subject.mass_kg)
     _write(folder / "static.trc", follow(person, standing(person, shorter_m)))
 
 

@@ -1,6 +1,6 @@
 """The virtual prosthesis below a prescribed residual shank.
 
-    p = Prosthesis(subject, 0.108)
+    p = prosthesis_of(subject, 0.108)
     reaction = p.walk(time_s, R_WS, p_WS)
 
 Frame S: origin at the knee, z up the shank, x forward, y left, as the model's shank. World W: x forward,
@@ -19,8 +19,8 @@ from virtual_laboratory.design import Design
 from virtual_laboratory.device import Device, State, make_device, new_state
 from virtual_laboratory.dynamics import chain
 from virtual_laboratory.reaction import LOADED_ABOVE_N, Reaction
-from virtual_laboratory.stepping import measure, place, run, step
-from vsf_drake.parameters import SIDES, FootParameters, SocketParameters, Subject
+from virtual_laboratory.stepping import measure, moving, place, run, step
+from vsf_drake.parameters import FootParameters, SocketParameters, Subject
 from vsf_drake.plants.anthropometry import FootPlacement, scale_body
 
 STEP_S = 5e-4
@@ -30,39 +30,29 @@ _SETTLING_STEPS, _SETTLING_STEP_S = 60, 0.02
 
 
 class Prosthesis:
-    """`subject`'s prosthesis with the fulcrum at `fulcrum_m` from A (m); symmetric, so `side` is only a name.
+    """A right leg's prosthesis of `design`, with the fulcrum at `fulcrum_m` from A (m), None where it has none.
 
     Attributes:
-        residual_length, pylon_length: m, knee to the end of the residual limb, and on to the foot's mount.
-        sole_below_knee: m, knee to the lowest point of the unloaded sole with the shank upright.
+        residual_length: m, knee to the end of the residual limb.
+        sole_below_knee: m, knee to the plane of the unloaded sole down the shank's axis.
         mass_kg: of everything below the residual limb.
         device: the compiled step's constants.
-        state: the present state of `reset` and `step`.
-        step_s: time between two calls of `step`.
-        force, cop, free_moment, socket_load: after the last `step`, as in `Reaction`.
-        unconverged: steps since `reset` that were not solved to tolerance.
+        state: the present state.
+        step_s: largest time step of `walk`.
+        force, cop, free_moment, socket_load: after `reset`, as in `Reaction`.
+        unconverged: 1 where the last step of `reset` was not solved to tolerance.
     """
 
     def __init__(
-        self, subject: Subject, fulcrum_m: float, side: str = "right", *, design: Design | None = None,
-        step_s: float = STEP_S,
+        self, design: Design, *, fulcrum_m: float | None, residual_length: float, pylon_length: float,
+        placement: FootPlacement | None = None, step_s: float = STEP_S,
     ) -> None:
-        if side not in SIDES:
-            raise ValueError(f"side {side!r} is none of {SIDES}")
-        foot = FootParameters()
-        if not foot.fulcrum.rearmost_m <= fulcrum_m <= foot.fulcrum.foremost_m:
-            raise ValueError(f"the fulcrum reaches {foot.fulcrum.rearmost_m} to {foot.fulcrum.foremost_m} m, "
-                             f"not {fulcrum_m:g} m")
-        body = scale_body(subject, foot, SocketParameters())
-        if body.placement != FootPlacement():
-            raise ValueError("the virtual foot sits in its standard place under the pylon; the subject's does not")
-        self.side = side
         self.step_s = step_s
-        self.residual_length, self.pylon_length = body.residual_length, body.pylon_length
-        self.sole_below_knee = body.residual_length + body.pylon_length + foot.build_height_m
-        self.device: Device = make_device(
-            design or Design(), foot, fulcrum=fulcrum_m, residual_length=body.residual_length,
-            pylon_length=body.pylon_length)
+        self.residual_length = residual_length
+        below = (placement or FootPlacement()).sole_below(design.frame.build_height_m)
+        self.sole_below_knee = residual_length + pylon_length + below
+        self.device: Device = make_device(design, fulcrum=fulcrum_m, residual_length=residual_length,
+                                          pylon_length=pylon_length, placement=placement)
         self.mass_kg = float(np.sum(self.device.masses) + np.sum(self.device.node_masses))
         self.state: State = new_state(self.device)
         self.force, self.cop, self.socket_load = np.zeros(3), np.full(3, np.nan), np.zeros(6)
@@ -86,15 +76,17 @@ class Prosthesis:
         turn, path = RotationSpline(time, Rotation.from_matrix(R_WS)), CubicSpline(time, p_WS)
         R, p = turn(fine).as_matrix(), path(fine)
         self.reset(R[0], p[0], velocity=path(fine[0], 1), angular_velocity=R[0] @ turn(fine[0], 1), step_s=h)
-        measured, load = np.zeros((len(time), 8)), np.zeros((len(time), 6))
+        measured, load, momentum = np.zeros((len(time), 8)), np.zeros((len(time), 6)), np.zeros((len(time), 9))
         measured[0], load[0] = self._last, self.socket_load
+        moving(self.device, self.state, momentum[0])
         unconverged = run(self.device, self.state, np.ascontiguousarray(R[1:]), np.ascontiguousarray(p[1:]), h, every,
-                          measured[1:], load[1:])
+                          measured[1:], load[1:], momentum[1:])
         cop, free_moment = centre_of_pressure(measured[:, :3], measured[:, 3:6])
         return Reaction(
             time_s=time.copy(), force=measured[:, :3].copy(), cop=cop, free_moment=free_moment,
             slip_speed=measured[:, 7].copy(), socket_load=load, clearance=measured[:, 6].copy(),
-            unconverged=int(unconverged))
+            mass_kg=self.mass_kg, com=momentum[:, 6:].copy(), linear_momentum=momentum[:, :3].copy(),
+            angular_momentum=momentum[:, 3:6].copy(), unconverged=int(unconverged))
 
     def reset(
         self, R_WS: np.ndarray, p_WS: np.ndarray, *, velocity: np.ndarray | None = None,
@@ -107,7 +99,7 @@ class Prosthesis:
         """
         device, state = self.device, new_state(self.device)
         R, p = np.array(R_WS, dtype=float), np.array(p_WS, dtype=float)
-        state.R[:], state.p[:] = R, p - device.residual_length * R[:, 2]
+        state.R[:], state.p[:] = R @ device.R_EP, p - device.residual_length * R[:, 2]
         self._place(state)
         sunk = max(0.0, -float(np.min(state.cell_x[:, 2])))
         state.p[2] += sunk
@@ -130,13 +122,6 @@ class Prosthesis:
         self.state = state
         self._read(self._last)
 
-    def bench(self) -> dict[str, float]:
-        """Stiffness (N/mm) on the testing machine; see `virtual_laboratory.bench`."""
-        from virtual_laboratory.bench import forefoot_stiffness, heel_stiffness  # noqa: PLC0415 (it tunes this class)
-
-        return {"forefoot_n_per_mm": 1e-3 * forefoot_stiffness(self.device),
-                "heel_n_per_mm": 1e-3 * heel_stiffness(self.device)}
-
     def _read(self, measured: np.ndarray) -> None:
         self.force = measured[:3].copy()
         cop, free_moment = centre_of_pressure(measured[None, :3], measured[None, 3:6])
@@ -145,11 +130,29 @@ class Prosthesis:
     def _place(self, state: State) -> None:
         """Positions that follow from the pose of an undeformed prosthesis."""
         device = self.device
-        hinges, angles = np.empty((len(device.lengths) + 1, 2)), np.empty(len(device.lengths))
-        chain(device, state.q, hinges, angles)
-        nodes = np.column_stack([hinges[1:, 0], np.full(len(angles), device.anchor[1]), hinges[1:, 1]])
-        state.mass_x[:] = state.p + np.vstack([device.mass_points, nodes]) @ state.R.T
-        place(device, state.R, state.p, hinges, angles, state.cell_x)
+        count = len(device.lengths)
+        hinges, bars, axes = np.empty((count + 1, 3)), np.empty((count, 3, 3)), np.empty((len(state.q), 3))
+        chain(device, state.q, hinges, bars, axes)
+        state.mass_x[:] = state.p + np.vstack([device.mass_points, hinges[1:]]) @ state.R.T
+        place(device, state.R, state.p, hinges, bars, state.cell_x)
+
+
+def prosthesis_of(
+    subject: Subject, fulcrum_m: float | None, *, design: Design | None = None, residual_length: float | None = None,
+    step_s: float = STEP_S,
+) -> Prosthesis:
+    """The prosthesis of `subject`, right-sided, as long and with the foot placed as the subject says.
+
+    Args:
+        design: the reference subject's where None.
+        residual_length: m, knee to the end of the residual limb; as the model under test has it where None.
+    """
+    design = design or Design()
+    body = scale_body(subject, FootParameters(), SocketParameters())
+    residual = body.residual_length if residual_length is None else residual_length
+    pylon = body.prosthesis_length - residual - body.placement.sole_below(design.frame.build_height_m)
+    return Prosthesis(design, fulcrum_m=fulcrum_m, residual_length=residual, pylon_length=pylon,
+                      placement=body.placement, step_s=step_s)
 
 
 def centre_of_pressure(force: np.ndarray, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,10 @@ LOADED_ABOVE_N = 20.0
 class Reaction:
     """The ground's action on the foot and what the prosthesis did, in W (x forward, y left, z up; ground z = 0), SI.
 
+    Forces and moments are means over the time since the instant before, momenta of the instant itself, so that mass
+    times gravity, force and the reaction to socket_load are the change of linear momentum to rounding. Of angular
+    momentum they miss the step times mass times acceleration x velocity, below 0.1 N m in walking.
+
     Attributes:
         time_s: (n,) s.
         force: (n, 3) N, of the ground on the foot.
@@ -24,6 +28,9 @@ class Reaction:
         socket_load: (n, 6) N and N m, action of the socket on the shank at the end of the residual limb, in the
             shank's axes (force, moment).
         clearance: (n,) m, height of the lowest point of the sole, negative where the foam is pressed.
+        mass_kg: of everything below the residual limb.
+        com: (n, 3) m, its centre of mass.
+        linear_momentum: (n, 3) kg m/s; angular_momentum: (n, 3) kg m^2/s about W's origin.
         unconverged: steps (all of them, also between samples) whose equations were not solved to tolerance.
     """
 
@@ -34,4 +41,8 @@ class Reaction:
     slip_speed: np.ndarray
     socket_load: np.ndarray
     clearance: np.ndarray
+    mass_kg: float
+    com: np.ndarray
+    linear_momentum: np.ndarray
+    angular_momentum: np.ndarray
     unconverged: int

@@ -30,30 +30,31 @@ def step(
     device: Device, state: State, R_S: np.ndarray, p_S: np.ndarray, h: float, forces: np.ndarray, load: np.ndarray
 ) -> int:
     """Advances `state` by `h` (s) to the shank's pose; `forces` (n, 3) and `load` (6,) are of the end of the step."""
-    bars, cells = len(device.lengths), len(device.bodies)
+    count, cells, unknowns = len(device.lengths), len(device.bodies), len(state.q)
     R = state.R @ rotation_matrix(state.increment[:3])
     p = state.p + state.R @ state.increment[3:6]
     q = state.q + state.increment[6:]
-    hinges, angles = np.empty((bars + 1, 2)), np.empty(bars)
-    wrench, block, turning = np.empty((bars + 1, 6)), np.empty((bars + 1, 6, 6)), np.empty(bars + 1)
-    rhs, H = np.zeros(6 + bars), np.zeros((6 + bars, 6 + bars))
+    hinges, bars, axes = np.empty((count + 1, 3)), np.empty((count, 3, 3)), np.empty((unknowns, 3))
+    wrench, block, virial = np.empty((count + 1, 6)), np.empty((count + 1, 6, 6)), np.empty((count + 1, 3, 3))
+    rhs, H = np.zeros(6 + unknowns), np.zeros((6 + unknowns, 6 + unknowns))
     shear = np.empty((cells, 2))
-    status, last, gap = UNSOLVED, np.inf, 0.0
+    status, last, beyond = UNSOLVED, np.inf, np.zeros(2)
     u = np.zeros(6)
     curved = True
     for iteration in range(MOST_ITERATIONS):
-        wrench[:], block[:], turning[:] = 0.0, 0.0, 0.0
-        chain(device, q, hinges, angles)
-        add_masses(device, state, R, p, hinges, h, wrench, block, turning)
-        add_ground(device, state, R, p, hinges, angles, h, wrench, block, turning, forces, shear)
+        wrench[:], block[:], virial[:] = 0.0, 0.0, 0.0
+        chain(device, q, hinges, bars, axes)
+        add_masses(device, state, R, p, hinges, h, wrench, block, virial)
+        add_ground(device, state, R, p, hinges, bars, h, wrench, block, virial, forces, shear)
         u = socket_displacement(device, R, p, R_S, p_S)
         add_socket(device, state, R, R_S, u, h, wrench, block, load)
-        if not curved:
-            turning[:] = 0.0
-        assemble(device, state, q, hinges, h, wrench, block, turning, rhs, H)
-        gap = add_fulcrum(device, state, hinges, angles, h, rhs, H)
         if status == SOLVED:
+            add_fulcrum(device, state, hinges, bars, axes, h, rhs, H, beyond)
             break
+        if not curved:
+            virial[:] = 0.0
+        assemble(device, state, q, hinges, axes, h, wrench, block, virial, rhs, H)
+        add_fulcrum(device, state, hinges, bars, axes, h, rhs, H, beyond)
         # without the loads' turning the tangent is always positive definite
         solved = solve(H, rhs)
         if not solved and not curved:
@@ -71,16 +72,16 @@ def step(
         p = p + R @ (ratio * rhs[3:6])
         R = R @ rotation_matrix(ratio * rhs[:3])
         q += ratio * rhs[6:]
-    _accept(device, state, R, p, q, hinges, angles, h)
+    _accept(device, state, R, p, q, hinges, bars, h)
     state.shear[:] = shear
     state.socket[:] = u
-    state.fulcrum[0] = gap
+    state.fulcrum[:] = beyond
     return status
 
 
 @numba.njit(cache=True)
 def _accept(
-    device: Device, state: State, R: np.ndarray, p: np.ndarray, q: np.ndarray, hinges: np.ndarray, angles: np.ndarray,
+    device: Device, state: State, R: np.ndarray, p: np.ndarray, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray,
     h: float,
 ) -> None:
     """Makes the new configuration the state."""
@@ -89,13 +90,13 @@ def _accept(
     state.increment[3:6] = state.R.T @ (p - state.p)
     state.increment[6:] = q - state.q
     rigid = len(device.masses)
-    place(device, R, p, hinges, angles, state.cell_x)
+    place(device, R, p, hinges, bars, state.cell_x)
     r = np.empty(3)
     for k in range(len(state.mass_x)):
         if k < rigid:
             r[:] = device.mass_points[k]
         else:
-            r[0], r[1], r[2] = hinges[k - rigid + 1, 0], device.anchor[1], hinges[k - rigid + 1, 1]
+            r[:] = hinges[k - rigid + 1]
         now = p + R @ r
         state.mass_v[k] = (now - state.mass_x[k]) / h
         state.mass_x[k] = now
@@ -107,11 +108,11 @@ def _accept(
 
 @numba.njit(cache=True)
 def place(
-    device: Device, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, angles: np.ndarray, cells: np.ndarray
+    device: Device, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, bars: np.ndarray, cells: np.ndarray
 ) -> None:
     """Positions in W of all foam cells."""
     for k in range(len(device.bodies)):
-        x, y, z = cell_in_p(device, k, hinges, angles)
+        x, y, z = cell_in_p(device, k, hinges, bars)
         for i in range(3):
             cells[k, i] = p[i] + R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
 
@@ -145,19 +146,50 @@ def measure(
 
 
 @numba.njit(cache=True)
+def moving(device: Device, state: State, out: np.ndarray) -> None:
+    """Fills `out` (9,): linear momentum, angular momentum about W's origin and centre of mass of all mass points."""
+    out[:] = 0.0
+    total = 0.0
+    rigid = len(device.masses)
+    for k in range(len(state.mass_x)):
+        mass = device.masses[k] if k < rigid else device.node_masses[k - rigid]
+        x, v = state.mass_x[k], state.mass_v[k]
+        total += mass
+        for i in range(3):
+            a, b = (i + 1) % 3, (i + 2) % 3
+            out[i] += mass * v[i]
+            out[3 + i] += mass * (x[a] * v[b] - x[b] * v[a])
+            out[6 + i] += mass * x[i]
+    out[6:] /= total
+
+
+@numba.njit(cache=True)
 def run(
     device: Device, state: State, R_S: np.ndarray, p_S: np.ndarray, h: float, every: int,
-    measured: np.ndarray, load: np.ndarray,
+    measured: np.ndarray, load: np.ndarray, momentum: np.ndarray,
 ) -> int:
-    """Steps through the shank's poses (s, 3, 3), (s, 3); every `every` steps a row of the outputs. Unsolved steps."""
+    """Steps through the shank's poses (s, 3, 3), (s, 3); every `every` steps a row of the outputs. Unsolved steps.
+
+    Forces and moments of a row are means over its steps, so that they are the change of momentum since the last row.
+    """
     forces = np.zeros((len(device.bodies), 3))
-    now = np.zeros(6)
+    now, ground, socket = np.zeros(6), np.zeros(8), np.zeros(6)
     unsolved = 0
     for i in range(len(R_S)):
         before, shear_before = state.cell_x.copy(), state.shear.copy()
         unsolved += step(device, state, R_S[i], p_S[i], h, forces, now)
+        measure(device, state, before, shear_before, forces, h, ground)
+        row = i // every
+        measured[row, :6] += ground[:6] / every
+        # the limb's load in W about W's origin
+        end = p_S[i] - device.residual_length * R_S[i, :, 2]
+        force = R_S[i] @ now[:3]
+        socket[:3] += force / every
+        socket[3:] += (R_S[i] @ now[3:] + np.cross(end, force)) / every
         if (i + 1) % every == 0:
-            row = (i + 1) // every - 1
-            measure(device, state, before, shear_before, forces, h, measured[row])
-            load[row] = now
+            measured[row, 6:] = ground[6:]
+            load[row, :3] = R_S[i].T @ socket[:3]
+            load[row, 3:] = R_S[i].T @ (socket[3:] - np.cross(end, socket[:3]))
+            socket[:] = 0.0
+            moving(device, state, momentum[row])
     return unsolved
