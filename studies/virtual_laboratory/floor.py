@@ -17,14 +17,17 @@ from scipy.optimize import minimize_scalar
 from virtual_laboratory.motion import COORDINATES, Person
 from virtual_laboratory.polish import FORCE_HZ
 from virtual_laboratory.polish import walk as walk_prosthesis
-from virtual_laboratory.prosthesis import prosthesis_of
+from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
+from virtual_laboratory.recording import Recorded, in_radians
+from virtual_laboratory.session import Session, foot_in_shank
 from virtual_laboratory.targets import draw_trials
-from virtual_laboratory.tiers import PLACED, draw_placement, shared_error_deg
+from virtual_laboratory.tiers import PLACED, Tier, draw_placement, shared_error_deg
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.motion.trial import Trial
+from vsf_drake.motion.trial import Trial, default_model
+from vsf_drake.parameters import FootParameters
 
 SCORES = ("grf_rmse_bw", "grf_r2", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw", "cop_rmse_fl",
           "impulse_rmse_bws", "stance_measured_s", "stance_model_s", "heel_strike_error_s", "toe_off_error_s",
@@ -151,3 +154,21 @@ def without_shared_errors(trial: Trial, seed: int) -> CoordinateTrajectory:
     shared = shared_error_deg(draw_placement(seed), recorded.time_s, draws[trial.path.stem].stride_s)
     values[:, [COORDINATES.index(name) for name in PLACED]] -= np.radians(shared)
     return CoordinateTrajectory(recorded.time_s, values, COORDINATES, source=recorded.source)
+
+
+def session_floor(prosthesis: Prosthesis, session: Session, trial: Recorded, tier: Tier) -> dict[str, Any]:
+    """Scores of the true prosthesis of a session on a trial's coordinates as written, its foot where the written
+    subject has it, against the plate as written."""
+    path = CoordinateTrajectory(trial.time_s, in_radians(tier.coordinates), COORDINATES)
+    # A true shank S such that the foot's place P is where the written one, S', has it: X_WS = X_WS' X_S'P X_PS.
+    X_FS = foot_in_shank(session.written) @ foot_in_shank(session.person).inverse()
+    R_FS, p_FS = X_FS.rotation().matrix(), X_FS.translation()
+    reaction = walk_prosthesis(Person(session.written, default_model()), prosthesis, path.time_s, path.values,
+                               trial.force_time_s, lambda R, p: (R @ R_FS, p + R @ p_FS))
+    walk = VirtualWalk(
+        time_s=trial.force_time_s, grf_W=reaction.force, cop_W=reaction.cop, trajectory=path, synthetic=True,
+        trial_name=trial.draw.name, subject_mass_kg=session.person.mass_kg,
+        foot_length_m=FootParameters().length_m, unconverged_steps=reaction.unconverged, wall_s=0.0)
+    plate = tier.right
+    return scores(walk, PlateRecording(trial.force_time_s, plate.force, plate.cop, np.nan_to_num(plate.free_moment),
+                                       True))

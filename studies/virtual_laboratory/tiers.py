@@ -70,7 +70,7 @@ def laboratory(trial: Recorded, placement: Placement, seed: int, index: int) -> 
     coordinates = trial.coordinates + error
     shared = shared_error_deg(placement, trial.time_s, trial.draw.stride_s)
     coordinates[:, [COORDINATES.index(name) for name in PLACED]] += shared
-    right, left = (_measured(foot, random) for foot in (trial.right, trial.left))
+    right, left = (measured(foot, random) for foot in (trial.right, trial.left))
     return Tier("laboratory", coordinates.round(DECIMALS), right, left)
 
 
@@ -83,7 +83,7 @@ def shared_error_deg(placement: Placement, time_s: np.ndarray, stride_s: float) 
     return shared
 
 
-def _measured(foot: Foot, random: np.random.Generator) -> Foot:
+def measured(foot: Foot, random: np.random.Generator) -> Foot:
     """The foot's plate with noise; its centre of pressure suffers the more, the lighter the load."""
     force = foot.force + PLATE_N * random.standard_normal(foot.force.shape)
     noise = PLATE_N * PLATE_M * random.standard_normal((len(force), 3))

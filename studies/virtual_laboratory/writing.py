@@ -1,8 +1,9 @@
-"""The files of data/reference_subject: OpenSim tables, manifests, the figures and the page that explains them."""
+"""The files of data/reference_subject and data/sessions: OpenSim tables, manifests, figures and pages."""
 
 from __future__ import annotations
 
 import csv
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -30,35 +31,63 @@ prosthetic_side: right
 FORCE_DECIMALS, PLACE_DECIMALS, MOMENT_DECIMALS = 2, 5, 3
 
 
-def write_subject(folder: Path) -> Path:
+def write_subject(folder: Path, text: str = SUBJECT) -> Path:
     """`subject.yaml` in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     with replaced(folder / "subject.yaml") as stream:
-        stream.write(SUBJECT)
+        stream.write(text)
     return folder / "subject.yaml"
 
 
-def write_trial(folder: Path, trial: Recorded, tier: Tier) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Label:
+    """What the files of a trial say of themselves, and whose they are; `subject` by its path from them."""
+
+    name: str
+    notice: str
+    subject: str
+    mirrored: bool = False
+    """The prosthesis is on the left, and what is written is the trial's mirror image."""
+
+
+REFERENCE = Label(name=NAME, notice=NOTICE, subject="../subject.yaml")
+
+
+def write_trial(folder: Path, trial: Recorded, tier: Tier, label: Label = REFERENCE) -> None:
     """Manifest, kinematics and forces of one trial in the tier's folder."""
     place = folder / tier.name
     place.mkdir(parents=True, exist_ok=True)
     draw = trial.draw
-    title = f"{NAME}, {tier.name} tier, {draw.name}: {NOTICE}"
-    write_storage(place / f"{draw.name}_kinematics.mot", time_s=trial.time_s, names=COORDINATES,
-                  values=tier.coordinates, in_degrees=True, title=title)
-    columns = {**_columns(tier.right, "r"), **_columns(tier.left, "l")}
-    write_storage(
-        place / f"{draw.name}_forces.mot", time_s=trial.force_time_s, names=list(columns),
-        values=np.column_stack(list(columns.values())),
-        title=f"{title}; r: from a virtual prosthesis, l: inverse dynamics with a constructed centre of pressure")
+    title = f"{label.name}, {tier.name}, {draw.name}: {label.notice}"
+    names, coordinates, right, left = COORDINATES, tier.coordinates, tier.right, tier.left
+    if label.mirrored:
+        names, coordinates, right, left = *mirrored(coordinates), _mirrored(left), _mirrored(right)
+    write_storage(place / f"{draw.name}_kinematics.mot", time_s=trial.time_s, names=names, values=coordinates,
+                  in_degrees=True, title=title)
+    columns = {**_columns(right, "r"), **_columns(left, "l")}
+    write_storage(place / f"{draw.name}_forces.mot", time_s=trial.force_time_s, names=list(columns),
+                  values=np.column_stack(list(columns.values())), title=title)
     with replaced(place / f"{draw.name}.yaml") as stream:
         stream.write(
-            f"# {NOTICE}.\n"
-            f"name: {NAME}, {tier.name} tier, {draw.condition} stiffness, trial {draw.number}\n"
-            "synthetic: true\nsubject: ../subject.yaml\n"
+            f"# {label.notice}.\n"
+            f"name: {label.name}, {tier.name}, {draw.condition} stiffness, trial {draw.number}\n"
+            f"synthetic: true\nsubject: {label.subject}\n"
             f"kinematics: {draw.name}_kinematics.mot\n"
             f"forces: {{file: {draw.name}_forces.mot, right: ground_force_r, left: ground_force_l}}\n"
             f"prosthesis: {{fulcrum_mm: {1e3 * draw.fulcrum_m:g}}}\n")
+
+
+def mirrored(coordinates: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names and values (N, 21) of the mirror image: left is right, and what tells left from right in the pelvis changes
+    its sign. A leg's angles are anatomical and do not."""
+    names = tuple(name[:-1] + {"r": "l", "l": "r"}[name[-1]] if name[-2] == "_" else name for name in COORDINATES)
+    sign = np.where(np.isin(COORDINATES, ("pelvis_tz", "pelvis_list", "pelvis_rotation")), -1.0, 1.0)
+    return names, coordinates * sign + 0.0
+
+
+def _mirrored(foot: Foot) -> Foot:
+    turned = np.array([1.0, -1.0, 1.0])
+    return Foot(foot.force * turned, foot.cop * turned, -foot.free_moment)
 
 
 def _columns(foot: Foot, side: str) -> dict[str, np.ndarray]:
