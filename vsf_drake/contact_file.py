@@ -11,8 +11,9 @@
     provenance: {versions: {...}, seed: 0}
 
 `values` are variables of a walk (`vsf_drake.simulation.variables`): those of contact, friction, keel, fulcrum and
-socket replace the model's, offsets and coordinates are added to the trial's. `curves` are added over the gait cycle;
-height and path belong to one recording alone (`motion.fitted_trial`). SI units and radians.
+socket replace the model's, offsets and coordinates are added to the trial's. The keel's modulus and the support's
+stiffness are always among them, fitted or not: foam that was fitted on one keel is wrong on another. `curves` are added
+over the gait cycle; height and path belong to one recording alone (`motion.fitted_trial`). SI units and radians.
 """
 
 from __future__ import annotations
@@ -212,7 +213,7 @@ def _commented(section: str, line: str) -> str:
 _FIELDS = {"stiffness": "stiffness", "exponent": "exponent", "damping": "damping_n_s_per_m",
            "full_damping_depth": "full_damping_depth_m", "mu_static": "mu_static", "mu_kinetic": "mu_kinetic",
            "threshold_velocity": "threshold_velocity_m_per_s"}
-_DEVICE = {"keel.flexural_modulus": ("keel", "flexural_modulus_pa"),
+DEVICE = {"keel.flexural_modulus": ("keel", "flexural_modulus_pa"),
            "fulcrum.stiffness": ("fulcrum", "stiffness_n_per_m")}
 
 
@@ -247,7 +248,7 @@ def model_with(model: ModelParameters, values: Mapping[str, float], *, file: str
             socket = _with(socket, axis_name, replace(axis, stiffness=float(value), stiffness_negative=float(value) * (
                 axis.stiffness_negative / axis.stiffness)))
         elif group not in ("offset", "coordinate"):  # those are no part of a model
-            part, field = _DEVICE.get(name) or ("friction", _FIELDS[rest])
+            part, field = DEVICE.get(name) or ("friction", _FIELDS[rest])
             foot = _with(foot, part, _with(getattr(foot, part), field, float(value)))
     foam = foam_under_load(foot)
     if foam is not None and foam != foam_under_load(model.foot):

@@ -77,7 +77,7 @@ def test_the_foam_counts_with_its_mean_slope_between_the_loads():
 
 
 def test_tuned_joints_equal_the_statics_of_a_keel_clamped_at_its_fulcrum():
-    """Second method: joint angles from the load's moment at each joint, and what they move at the load. In N mm, deg."""
+    """Second method: joint angles from the load's moment at each joint, and what they move at the load."""
     for fulcrum_mm, expected in ((66, 9.7), (87, 12.6), (108, 16.7), (129, 22.9), (150, 32.0)):
         travel = 1000.0 / 62.8
         for joint_mm in range(fulcrum_mm, 199, 21):

@@ -56,12 +56,14 @@ def test_collision_spheres_leave_one_another_alone_and_may_be_left_out():
 
 @pytest.mark.parametrize("fulcrum_m", [0.066, 0.108, 0.151])
 def test_small_loads_meet_the_stiffness_of_the_chain_and_large_ones_lift_the_toe_as_on_the_bench(fulcrum_m):
-    """The bushing is the support to first order. It leans by half the angle of the keel over the fulcrum, F a l / (3 E I)
-    of a beam on rigid supports, 0.13 to 0.17 rad at 600 N; what that does goes with the square of it."""
+    """The bushing is the support to first order. It leans by half the angle of the keel over the fulcrum, which is
+    F a l / (3 E I) of a beam on rigid supports, 0.13 to 0.17 rad at 600 N; what that does goes with the square of it.
+    """
     plant = read(foot_sdf(NOMINAL, fulcrum_m=fulcrum_m), weight=False)
     bending = NOMINAL.keel.flexural_modulus_pa * section_inertia(NOMINAL.keel.width_m, NOMINAL.keel.thickness_m)
     known = lumped_stiffness(
-        bending_stiffness=bending, element_lengths=NOMINAL.keel.element_lengths_m, support=fulcrum_m, load_point=NOMINAL.load_point_m,
+        bending_stiffness=bending, element_lengths=NOMINAL.keel.element_lengths_m, support=fulcrum_m,
+        load_point=NOMINAL.load_point_m,
         fulcrum_stiffness=NOMINAL.fulcrum.stiffness_n_per_m)
     assert 1e-2 / rise_in_drake(plant, NOMINAL, 1e-2) == pytest.approx(known, rel=1e-8)
     loads = np.array([200.0, 600.0])

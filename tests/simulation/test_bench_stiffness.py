@@ -137,8 +137,8 @@ def test_stiffness_and_displacement_equal_the_simulated_benchs(exponent, speed, 
     """Whose foam is one ball with the law of the patch's eight spheres.
 
     Cut at 600 N: its curves end a step beyond, where a foam that hardens is stiffer. Of such a foam damping at 50
-    mm/min bears some 0.7 N, which is so much less for the law to bear, and vanishes at lower speeds. The simulated slope is off by the bench's
-    steps, in proportion to them: 0.8e-4 at 40 steps a millimetre.
+    mm/min bears some 0.7 N, which is so much less for the law to bear, and vanishes at lower speeds. The simulated
+    slope is off by the bench's steps, in proportion to them: by 0.8e-4 at 40 steps a millimetre.
     """
     stiff = {name: 1e5 if exponent > 1.0 else zone(FOOT, name).stiffness
              for name in ("forefoot", "heel", "heel_posterior")}

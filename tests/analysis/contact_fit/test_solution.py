@@ -14,6 +14,8 @@ from vsf_drake.analysis.contact_fit.solve import FitSearch, uncertainty
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.contact_file import load_contact, model_with, save_contact
 from vsf_drake.errors import FitError, SimulationError
+from vsf_drake.files import resource
+from vsf_drake.model_file import load_model
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.simulation.bench_stiffness import BenchStiffness
 from vsf_drake.simulation.walk import Walker, simulate_trial
@@ -82,6 +84,14 @@ def test_on_the_bench_the_contact_files_foot_is_the_fits(everything, contact_fil
     stiffness, _ = BenchStiffness(model.foot, fulcrums_m=measured_bench.fulcrum_m, heel=True,
                                   max_load_n=measured_bench.max_load_n).evaluate({})
     np.testing.assert_allclose(stiffness, everything.fit.bench_stiffness(everything.end.u), rtol=1e-9)
+
+
+def test_the_contact_is_that_of_the_device_it_was_fitted_on_whatever_model_it_is_read_into(everything, contact_file):
+    """Keel and support were not free here."""
+    contact, own = load_contact(contact_file), everything.fit.walker.model.foot
+    other = model_with(load_model(resource("models/soft_support.yaml")), contact.values).foot
+    assert other.keel == own.keel
+    assert other.fulcrum.stiffness_n_per_m == own.fulcrum.stiffness_n_per_m
 
 
 def test_the_contact_file_says_whose_it_is_and_which_heights_are_whose(everything, soft):

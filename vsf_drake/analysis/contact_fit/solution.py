@@ -15,7 +15,7 @@ from vsf_drake.analysis.contact_fit.paper import PaperEnd, search_like_the_paper
 from vsf_drake.analysis.contact_fit.parameters import OFFSET_HEIGHT, FitParameters, TrialMap, owner
 from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, FitEvaluation
 from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty, run_searches, search, uncertainty
-from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
+from vsf_drake.contact_file import DEVICE, FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial import Trial
@@ -74,10 +74,12 @@ class ContactFitSolution:
     @property
     def walk_values(self) -> dict[str, float]:
         """Variables of a walk (`Walker.walk(values=...)`) that every trial of this subject shares; those that a joint
-        fit left at the model's are not named."""
+        fit left at the model's are not named, but for keel and support: a contact is that of the device it was fitted
+        on."""
         variables, shared = self.fit.walker.variables, self.all_values(None)
-        return {name: value for name, value in shared.items() if isinstance(self.end, PaperEnd)
-                or (name in variables and value != variables[name].default)}
+        return {name: variables[name].default for name in DEVICE} | {
+            name: value for name, value in shared.items() if isinstance(self.end, PaperEnd)
+            or (name in variables and value != variables[name].default)}
 
     def contact(self, verdict: tuple[str, ...] = ()) -> FittedContact:
         """The content of `contact.yaml`, with a verdict in words."""

@@ -428,8 +428,8 @@ def sensitivity_factors(variables: Mapping[str, Variable], side: str) -> tuple[F
                 f"socket.{axis}.stiffness") for axis, name in (
             ("tx", "fore-aft"), ("ty", "sideways"), ("tz", "axial"), ("flexion", "flexion"),
             ("adduction", "adduction"), ("rotation", "rotation"))),
-        ratio("keel modulus", KEEL, 1.1, "data sheets of G10/FR4 differ by 20 %", "keel.flexural_modulus"),
-        ratio("fulcrum stiffness", KEEL, 1.5, "calibrated to two published end points", "fulcrum.stiffness"),
+        ratio("keel modulus", KEEL, 1.1, "calibrations to the bench give 7.4 to 8.1 GPa", "keel.flexural_modulus"),
+        ratio("fulcrum stiffness", KEEL, 1.5, "a choice: sinks less than 1 mm", "fulcrum.stiffness"),
         shift("fulcrum position", KEEL, "mm", 1e3 * FULCRUM_M, "the support has a width and its drive some play; "
               "inward only where it stands at an end of its reach", "fulcrum.shift")]
     return tuple(factor for factor in factors
