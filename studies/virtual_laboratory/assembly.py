@@ -58,6 +58,8 @@ def add_fulcrum(
         grade = tangent[2] / tangent[0]
         gap = w0 * P[0, 2] + w1 * P[1, 2] + w2 * P[2, 2] - device.anchor[2] - device.fulcrum_play
         was, beyond[end] = state.fulcrum[end], gap
+        if device.fulcrum_one_sided:
+            was = max(was, 0.0)
         force = -k * (gap + device.fulcrum_damping_time * (gap - was) / h)
         if device.fulcrum_one_sided and (gap <= 0.0 or force >= 0.0):
             continue
