@@ -14,6 +14,7 @@ Everything is of a person with the prosthesis on the right; `writing` mirrors on
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -117,6 +118,7 @@ class Session:
         ankle: (3,) m, the prosthetic ankle in the shank as it was found; true_ankle: in the true shank.
         turned: (3,) rad by segment, constant. waves: (3, HARMONICS, 2) rad by segment, over the gait cycle.
         plates: (2,) m by foot, how far its centre of pressure is off.
+        zeroed: angles whose mean over each walk is taken off.
         seed: of its trials.
     """
 
@@ -128,7 +130,14 @@ class Session:
     turned: dict[str, np.ndarray]
     waves: dict[str, np.ndarray]
     plates: dict[str, np.ndarray]
+    zeroed: tuple[str, ...]
     seed: tuple[int, ...]
+
+    def of_trials_alone(self) -> Session:
+        """The same laboratory if it got nothing wrong in all trials alike."""
+        none = {name: {key: 0.0 * value for key, value in getattr(self, name).items()}
+                for name in ("turned", "waves", "plates")}
+        return replace(self, written=self.person, ankle=self.true_ankle, zeroed=(), **none)
 
 
 def draw_session(person: Subject, *, seed: tuple[int, ...], name: str) -> Session:
@@ -159,7 +168,7 @@ def draw_session(person: Subject, *, seed: tuple[int, ...], name: str) -> Sessio
             "foot_length_m": body.foot_length + FOOT_LENGTH_M * random.standard_normal(),
             **_mount(person, body, turned["shank_right"], knees["right"], random)}.items()})
     return Session(sizes=sizes, person=person, written=written, ankle=found, true_ankle=true_ankle, turned=turned,
-                   waves=waves, plates=plates, seed=seed)
+                   waves=waves, plates=plates, zeroed=ZEROED, seed=seed)
 
 
 def foot_in_shank(person: Subject) -> RigidTransform:
@@ -187,9 +196,9 @@ def _mount(person: Subject, body: Body, turned: np.ndarray, knee: np.ndarray, ra
             "prosthesis_alignment_rad": float(alignment), "prosthesis_toe_out_rad": -float(rotation)}
 
 
-def session_tier(trial: Recorded, session: Session, index: int) -> Tier:
-    """Trial number `index` of the session."""
-    random = np.random.default_rng([*session.seed, 1, index])
+def session_tier(trial: Recorded, session: Session, name: str, index: Sequence[int]) -> Tier:
+    """A trial of the session; `index` is its own, and `name` that of its folder."""
+    random = np.random.default_rng([*session.seed, 1, *index])
     time = trial.time_s
     truth = np.zeros((len(time), len(BOTH_ANKLES)))
     truth[:, [BOTH_ANKLES.index(name) for name in COORDINATES]] = in_radians(trial.coordinates)
@@ -206,7 +215,7 @@ def session_tier(trial: Recorded, session: Session, index: int) -> Tier:
         found[segment] = R_W[segment] @ Rotation.from_rotvec(error).as_matrix()
 
     values = coordinates_of(found, p_W)
-    zeroed = [BOTH_ANKLES.index(name) for name in ZEROED]
+    zeroed = [BOTH_ANKLES.index(name) for name in session.zeroed]
     values[:, zeroed] -= values[:, zeroed].mean(axis=0)
     ankle = (ankle_of(truth, session.person, session.true_ankle) + MARKED_M * random.standard_normal(3)
              + slow(time, np.full(3, MARKED_M), random))
@@ -215,7 +224,7 @@ def session_tier(trial: Recorded, session: Session, index: int) -> Tier:
     coordinates = in_degrees(values[:, [BOTH_ANKLES.index(name) for name in COORDINATES]])
     feet = {side: _moved(measured(foot, random), session.plates[side])
             for side, foot in (("right", trial.right), ("left", trial.left))}
-    return Tier("session", coordinates.round(DECIMALS), feet["right"], feet["left"])
+    return Tier(name, coordinates.round(DECIMALS), feet["right"], feet["left"])
 
 
 def _kind(segment: str) -> str:

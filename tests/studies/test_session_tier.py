@@ -1,0 +1,178 @@
+"""The session tier: errors of the published size, a pelvis over its ankle, a foot as it stands, mirror images."""
+
+from __future__ import annotations
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from virtual_laboratory import session as module
+from virtual_laboratory.motion import COORDINATES
+from virtual_laboratory.recording import Foot, in_degrees
+from virtual_laboratory.session import (
+    ANGLES,
+    MARKED_M,
+    Session,
+    ankle_of,
+    draw_session,
+    foot_in_shank,
+    published_sizes,
+    session_tier,
+    slow,
+)
+from virtual_laboratory.writing import REFERENCE, write_subject, write_trial
+
+from vsf_drake.files import resource
+from vsf_drake.motion.markers.joints import COORDINATES as BOTH_ANKLES
+from vsf_drake.motion.markers.joints import coordinates_of, orientations_of
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.parameters import FootParameters, SocketParameters, Subject
+from vsf_drake.plants.anthropometry import scale_body
+from vsf_drake.simulation.walk import Walker
+
+
+@pytest.fixture(scope="module")
+def person():
+    """Somebody whose prosthesis stands neither straight nor under the pylon."""
+    about = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
+    body = scale_body(about, FootParameters(), SocketParameters())
+    return dataclasses.replace(
+        about, **{f"{name}_m": getattr(body, name) for name in (
+            "thigh_length", "shank_length", "ankle_height", "foot_length", "hip_forward", "hip_up", "hip_lateral",
+            "prosthetic_thigh_length", "prosthesis_length")},
+        prosthesis_fore_aft_m=0.01, prosthesis_lateral_m=-0.005, prosthesis_alignment_rad=0.05,
+        prosthesis_toe_out_rad=0.1)
+
+
+@pytest.fixture(scope="module")
+def trial():
+    """A walk of the reference subject as if recorded just now."""
+    loaded = load_trial(resource("data/reference_subject/exact/medium_1.yaml"))
+    feet = {side: Foot(plate.force_W, plate.cop_W, np.where(np.isfinite(plate.cop_W[:, 0]), plate.free_moment_nm,
+                                                            np.nan)) for side, plate in loaded.plates.items()}
+    return SimpleNamespace(
+        time_s=loaded.trajectory.time_s, coordinates=in_degrees(loaded.trajectory.ordered(COORDINATES).values),
+        force_time_s=loaded.prosthetic_plate.time_s, **feet,
+        draw=SimpleNamespace(name="medium_1", condition="medium", number=1, stride_s=1.27, fulcrum_m=0.108))
+
+
+def still(session: Session) -> Session:
+    """The same with trials that get nothing wrong for themselves."""
+    return dataclasses.replace(session, sizes=dataclasses.replace(session.sizes, between_trials={
+        key: 0.0 * value for key, value in session.sizes.between_trials.items()}))
+
+
+def all_values(coordinates):
+    values = np.zeros((len(coordinates), len(BOTH_ANKLES)))
+    values[:, [BOTH_ANKLES.index(name) for name in COORDINATES]] = np.radians(coordinates)
+    values[:, :3] = coordinates[:, :3]
+    return values
+
+
+def test_errors_of_segments_give_every_angle_its_published_size():
+    """By chance: many persons upright, their segments turned as drawn, and the spread of the angles read off."""
+    random, sizes, count = np.random.default_rng(0), published_sizes(), 6000
+    upright, _ = orientations_of(np.zeros((count, len(BOTH_ANKLES))))
+    wanted = {row["coordinate"]: float(row["between_session_sd_deg"]) for row in module._rows(
+        "kinematic_repeatability.csv") if row["quantity"] == "error"}
+    turned = {segment: R @ module.Rotation.from_rotvec(
+        sizes.between_sessions[segment.partition("_")[0]] * random.standard_normal((count, 3))).as_matrix()
+        for segment, R in upright.items()}
+    angles = dict(zip(BOTH_ANKLES, np.degrees(coordinates_of(turned, np.zeros((count, 3)))).std(axis=0), strict=True))
+    for names in ANGLES.values():
+        for name in filter(None, names):
+            own = angles[name if name.startswith("pelvis") else f"{name}_l"]
+            assert own == pytest.approx(wanted[name], rel=0.05), name
+
+
+def test_slow_errors_have_their_size_and_no_mean():
+    time, random = np.arange(401) / 200.0, np.random.default_rng(1)
+    drawn = np.array([slow(time, np.array([1.0, 2.0, 0.0]), random) for _ in range(800)])
+    assert np.sqrt(np.mean(drawn**2, axis=(0, 1))) == pytest.approx([1.0, 2.0, 0.0], rel=0.05)
+    assert np.abs(drawn.mean(axis=1)).max() < 0.02
+
+
+def test_without_errors_the_walk_comes_back(person, trial, monkeypatch):
+    monkeypatch.setattr(module, "MARKED_M", 0.0)
+    tier = session_tier(trial, still(draw_session(person, seed=(3,), name="").of_trials_alone()), "tier", (0,))
+    np.testing.assert_allclose(tier.coordinates, trial.coordinates, atol=1.01 * 10.0**-module.DECIMALS)
+
+
+def test_the_written_skeleton_has_its_prosthetic_ankle_where_the_markers_are(person, trial):
+    session = draw_session(person, seed=(4,), name="")
+    tier = session_tier(trial, session, "tier", (0,))
+    true = ankle_of(all_values(trial.coordinates), person, session.true_ankle)
+    found = ankle_of(all_values(tier.coordinates), session.written, session.ankle)
+    assert np.linalg.norm(true - found, axis=1).max() < 6.0 * MARKED_M
+    under_true_pelvis = all_values(tier.coordinates)
+    under_true_pelvis[:, :3] = trial.coordinates[:, :3]
+    naive = ankle_of(under_true_pelvis, session.written, session.ankle)
+    assert np.linalg.norm(true - naive, axis=1).max() > 0.01, "else the test tells nothing"
+
+
+def test_a_constant_error_of_the_shank_is_taken_out_where_the_foot_is_measured_standing(person, trial, monkeypatch):
+    """The foot itself, in the world, of a session in which only segments are turned in flexion."""
+    for name in ("KNEE_M", "ANKLE_M", "PLACE_M", "FOOT_DEG", "MARKED_M"):
+        monkeypatch.setattr(module, name, 0.0)
+    sizes = published_sizes()
+    monkeypatch.setattr(module, "published_sizes", lambda: dataclasses.replace(
+        sizes, hip_centre_m=0.0, between_sessions={key: value * [0.0, 1.0, 0.0]
+                                                   for key, value in sizes.between_sessions.items()}))
+    drawn = draw_session(person, seed=(5,), name="")
+    session = dataclasses.replace(still(drawn.of_trials_alone()), turned=drawn.turned, written=drawn.written,
+                                  ankle=drawn.ankle)
+    assert abs(session.turned["shank_right"][1]) > 0.005
+    tier = session_tier(trial, session, "tier", (0,))
+    for angle in ("knee_angle_r", "hip_flexion_r"):
+        assert np.abs((tier.coordinates - trial.coordinates)[:, COORDINATES.index(angle)]).max() > 0.2
+    places = []
+    for coordinates, subject in ((trial.coordinates, person), (tier.coordinates, session.written)):
+        values = all_values(coordinates)
+        R_WS, X_SP = orientations_of(values)[0]["shank_right"], foot_in_shank(subject)
+        knee = ankle_of(values, subject, np.zeros(3))
+        places.append((R_WS @ X_SP.rotation().matrix(), knee + R_WS @ X_SP.translation()))
+    np.testing.assert_allclose(places[1][0], places[0][0], atol=2e-4)  # written to 1e-4 rad
+    np.testing.assert_allclose(places[1][1], places[0][1], atol=3e-4)  # and to 0.1 mm, of three lengths
+
+
+def test_a_session_repeats_and_its_trials_differ(person, trial):
+    one, again = (session_tier(trial, draw_session(person, seed=(6,), name=""), "tier", (0,)) for _ in range(2))
+    other = session_tier(trial, draw_session(person, seed=(6,), name=""), "tier", (1,))
+    day = session_tier(trial, draw_session(person, seed=(7,), name=""), "tier", (0,))
+    np.testing.assert_array_equal(one.coordinates, again.coordinates)
+    np.testing.assert_array_equal(one.right.force, again.right.force)
+    knee = COORDINATES.index("knee_angle_r")
+    assert 0.1 < np.abs(one.coordinates - other.coordinates)[:, knee].max() < 10.0
+    assert np.abs(one.coordinates - day.coordinates)[:, knee].max() > 0.1
+
+
+def test_angles_that_laboratories_zero_have_no_mean_and_the_foots_inversion_is_not_told(person, trial):
+    session = draw_session(dataclasses.replace(person, prosthesis_inversion_rad=0.03), seed=(8,), name="")
+    tier = session_tier(trial, session, "tier", (0,))
+    for name in module.ZEROED:
+        assert tier.coordinates[:, COORDINATES.index(name)].mean() == pytest.approx(0.0, abs=1e-4)
+    assert session.written.prosthesis_inversion_rad is None
+
+
+def test_a_mirror_image_walks_as_the_mirror_image(trial, tmp_path):
+    """The model, which knows left from right, makes of the mirrored files the mirrored force."""
+    tier = SimpleNamespace(name="tier", coordinates=trial.coordinates, right=trial.right, left=trial.left)
+    walks = {}
+    for side in ("right", "left"):
+        folder = tmp_path / side
+        text = f"mass_kg: 78.0\nstature_m: 1.81\nsex: male\nprosthetic_side: {side}\n"
+        write_subject(folder, text)
+        write_trial(folder, trial, tier, dataclasses.replace(REFERENCE, mirrored=side == "left"))
+        loaded = load_trial(folder / "tier" / "medium_1.yaml")
+        walker = Walker(loaded.subject, loaded.model)
+        walk = walker.walk(loaded.trajectory, fulcrum_m=loaded.fulcrum_m, start_s=0.3, end_s=0.7, step_s=2e-3)
+        walks[side] = walker.result(walk, loaded, loaded.offsets, energy=False), loaded.prosthetic_plate
+    (right, measured), (left, mirrored) = walks["right"], walks["left"]
+    flip = np.array([1.0, -1.0, 1.0])
+    assert right.grf_W[:, 2].max() > 300.0
+    np.testing.assert_allclose(left.grf_W, right.grf_W * flip, atol=0.5)
+    np.testing.assert_allclose(mirrored.force_W, measured.force_W * flip, atol=1e-9)
+    loaded = np.isfinite(measured.cop_W[:, 0])
+    np.testing.assert_allclose(mirrored.cop_W[loaded], measured.cop_W[loaded] * flip, atol=1e-9)
+    np.testing.assert_allclose(mirrored.free_moment_nm, -measured.free_moment_nm, atol=1e-9)
