@@ -20,11 +20,11 @@ from virtual_laboratory.markers import write_standing, write_walk
 from virtual_laboratory.motion import Person, base_motion
 from virtual_laboratory.placing import place, start
 from virtual_laboratory.polish import polish
-from virtual_laboratory.prosthesis import prosthesis_of
+from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.recording import Recorded, in_radians, record
-from virtual_laboratory.targets import Draw, draw_trials
+from virtual_laboratory.targets import Draw, describe, draw_trials
 from virtual_laboratory.tiers import draw_placement, exact, laboratory
-from virtual_laboratory.writing import write_figures, write_readme, write_subject, write_trial
+from virtual_laboratory.writing import NAME, NOTICE, write_readme, write_subject, write_tables, write_trial
 
 from vsf_drake.motion.trial import default_model
 from vsf_drake.parameters import GRAVITY, Subject
@@ -63,7 +63,7 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
     write_standing(out / "markers", person)
     for draw in wanted:
         began = time.perf_counter()
-        trial = walk_trial(person, draw, steps)
+        trial = walk_trial(person, prosthesis_of(subject, draw.fulcrum_m), draw, steps)
         for tier in (exact(trial), laboratory(trial, placement, SEED, draws.index(draw))):
             write_trial(out, trial, tier)
         write_walk(out / "markers", person, draw.name, in_radians(trial.coordinates))
@@ -71,15 +71,15 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
         stance, took = figures[draw.name]["stance_s"], time.perf_counter() - began
         print(f"{draw.name}: stance {stance:.3f} s, made in {took:.0f} s")
     null = {one: {other: null_error(curves[one], curves[other]) for other in curves} for one in curves}
-    write_figures(out, figures, wanted)
+    write_tables(out, {"figures.csv": figures, "draws.csv": {draw.name: describe(draw) for draw in wanted}},
+                 f"{NAME}: {NOTICE}")
     write_readme(out, figures, null)
 
 
-def walk_trial(person: Person, draw: Draw, steps: int) -> Recorded:
+def walk_trial(person: Person, prosthesis: Prosthesis, draw: Draw, steps: int) -> Recorded:
     """One trial from its draw to its recording."""
     attempt = start(draw, base_motion)
     device, intact = place(person, attempt)
-    prosthesis = prosthesis_of(person.subject, draw.fulcrum_m)
     polish(person, attempt, prosthesis, device, intact, steps)
     return record(person, prosthesis, attempt, intact)
 

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from virtual_laboratory.figures import null_error
 from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Foot, Recorded
-from virtual_laboratory.targets import Draw, describe
 from virtual_laboratory.tiers import Tier
 from vsf_drake.files import replaced
 from vsf_drake.motion.formats.recording import world_to_os
 from vsf_drake.motion.formats.tables import write_storage
 
-TEMPLATE = Path(__file__).with_name("readme_template.md")
+TEMPLATE, SESSIONS = (Path(__file__).with_name(name) for name in ("readme_template.md", "sessions_template.md"))
 NAME = "SYNTHETIC reference subject"
 NOTICE = "SYNTHETIC, nobody walked this (made by studies/make_reference_subject.py)"
 SUBJECT = f"""\
@@ -101,14 +103,16 @@ def _columns(foot: Foot, side: str) -> dict[str, np.ndarray]:
     return columns | {f"ground_torque_{side}_{axis}": moment if axis == "y" else still for axis in "xyz"}
 
 
-def write_figures(folder: Path, figures: dict[str, dict[str, float]], draws: list[Draw]) -> None:
-    """`figures.csv`, what came out, and `draws.csv`, what was drawn: one line per trial."""
-    for name, rows in (("figures.csv", figures), ("draws.csv", {d.name: describe(d) for d in draws})):
+def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Mapping[str, float]]], notice: str) -> None:
+    """CSV files by name, one line a trial: what came out, and what was drawn."""
+    for name, rows in tables.items():
+        columns = list(dict.fromkeys(key for row in rows.values() for key in row))
         with replaced(folder / name) as stream:
-            stream.write(f"# {NAME}: {NOTICE}\n")
+            stream.write(f"# {notice}\n")
             writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(["trial", *next(iter(rows.values()))])
-            writer.writerows([trial, *(f"{float(value):.5g}" for value in row.values())] for trial, row in rows.items())
+            writer.writerow(["trial", *columns])
+            writer.writerows([trial, *(f"{float(row[key]):.5g}" if key in row else "" for key in columns)]
+                             for trial, row in rows.items())
 
 
 def write_readme(folder: Path, figures: dict[str, dict[str, float]], null: dict[str, dict[str, float]]) -> None:
@@ -130,6 +134,29 @@ def write_readme(folder: Path, figures: dict[str, dict[str, float]], null: dict[
     text = text.replace("{figures}", _table("trial", [title for title, _, _ in shown.values()], achieved))
     with replaced(folder / "README.md") as stream:
         stream.write(text.replace("{null}", _table("curve of", list(null), stretched)))
+
+
+def write_session_readme(folder: Path, rows: Mapping[str, Mapping[str, Any]]) -> None:
+    """`README.md` of data/sessions from what is known of each trial, by its path."""
+    shown = {"speed_m_per_s": (1, 2), "stance_s": (1, 3), "first_peak_bw": (100, 0), "trough_bw": (100, 0),
+             "second_peak_bw": (100, 0), "floor_bw": (100, 1), "own_floor_bw": (100, 1)}
+    sessions: dict[str, list[str]] = {}
+    for name, row in rows.items():
+        sessions.setdefault(f"{name.rpartition('/')[0]}{' passive' * (row['condition'] == 'passive')}", []).append(name)
+    summary = {}
+    for title, names in sessions.items():
+        fitted = names[:1] if title.endswith("passive") else [
+            name for name in names if name.endswith(("/low_1", "/high_1"))]
+        curves = {name: np.array(rows[name]["curve"]) for name in names}
+        nulls = [min(null_error(curves[one], curves[name]) for one in fitted) for name in names if name not in fitted]
+        cells = [f"{scale * np.mean([rows[name]['figures'][key] for name in names]):.{digits}f}"
+                 for key, (scale, digits) in shown.items()]
+        summary[title] = [str(len(names)), *cells, f"{100 * np.mean(nulls):.1f}" if nulls else "-"]
+    head = ["trials", "speed m/s", "stance s", "peak 1 %BW", "trough %BW", "peak 2 %BW", "floor %BW", "own %BW",
+            "null %BW"]
+    text = SESSIONS.read_text(encoding="utf-8")
+    with replaced(folder / "README.md") as stream:
+        stream.write(text.replace("{summary}", _table("session", head, summary)))
 
 
 def _table(corner: str, head: list[str], rows: dict[str, list[str]]) -> str:
