@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from virtual_laboratory.compiled import compiled
 from virtual_laboratory.device import Device, State
 
 
-@numba.njit(cache=True)
+@compiled
 def _under_roller(
     device: Device, hinges: np.ndarray, bars: np.ndarray, aside: float, P: np.ndarray, tangent: np.ndarray
 ) -> tuple[int, float, float, float]:
@@ -36,7 +36,7 @@ def _under_roller(
     return bar, (1.0 - u) * (1.0 - u), 2.0 * u * (1.0 - u), u * u
 
 
-@numba.njit(cache=True)
+@compiled
 def add_fulcrum(
     device: Device, state: State, hinges: np.ndarray, bars: np.ndarray, axes: np.ndarray, h: float,
     rhs: np.ndarray, H: np.ndarray, beyond: np.ndarray,
@@ -83,7 +83,7 @@ def add_fulcrum(
                     H[6 + i, 6 + j] += slope * row[i] * row[j]
 
 
-@numba.njit(cache=True)
+@compiled
 def assemble(
     device: Device, state: State, q: np.ndarray, hinges: np.ndarray, axes: np.ndarray, h: float,
     wrench: np.ndarray, block: np.ndarray, virial: np.ndarray, rhs: np.ndarray, H: np.ndarray,
@@ -131,7 +131,7 @@ def assemble(
         H[6 + k, 6 + k] += stiffness * (1.0 + device.hinge_damping_time / h)
 
 
-@numba.njit(cache=True)
+@compiled
 def solve(H: np.ndarray, b: np.ndarray) -> bool:
     """Solves H x = b in place by L D L^T of H's lower half; False, and neither is left whole, where H is not positive
     definite."""

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from virtual_laboratory.compiled import compiled
 from virtual_laboratory.device import Device, State
 from virtual_laboratory.laws import (
     axial,
@@ -31,7 +31,7 @@ LARGEST_CORRECTION = 0.05
 """Newton corrections are cut to this (m, rad), ten times the motion of a fast step."""
 
 
-@numba.njit(cache=True)
+@compiled
 def chain(device: Device, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray, axes: np.ndarray) -> None:
     """Hinge positions (N + 1, 3; the last is the tip), the bars' rotations (N, 3, 3) and hinge axes (N + T, 3) in P."""
     count, t = len(device.lengths), 0
@@ -55,7 +55,7 @@ def chain(device: Device, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray, a
                 bars[i, a, b] = R[a, b]
 
 
-@numba.njit(cache=True)
+@compiled
 def cell_in_p(device: Device, k: int, hinges: np.ndarray, bars: np.ndarray) -> tuple[float, float, float]:
     """Position in P of foam cell `k`."""
     body = device.bodies[k] - 1
@@ -67,7 +67,7 @@ def cell_in_p(device: Device, k: int, hinges: np.ndarray, bars: np.ndarray) -> t
             hinges[body, 2] + bars[body, 2, 0] * a + bars[body, 2, 1] * b + bars[body, 2, 2] * c)
 
 
-@numba.njit(cache=True)
+@compiled
 def add_point(
     wrench: np.ndarray, block: np.ndarray, virial: np.ndarray, r: np.ndarray, f: np.ndarray, D: np.ndarray
 ) -> None:
@@ -99,7 +99,7 @@ def add_point(
         block[i, 2] += e1 * x - e0 * y
 
 
-@numba.njit(cache=True)
+@compiled
 def add_masses(
     device: Device, state: State, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, h: float,
     wrench: np.ndarray, block: np.ndarray, virial: np.ndarray,
@@ -125,7 +125,7 @@ def add_masses(
         add_point(wrench[body], block[body], virial[body], r, f, D)
 
 
-@numba.njit(cache=True)
+@compiled
 def add_ground(
     device: Device, state: State, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, bars: np.ndarray, h: float,
     wrench: np.ndarray, block: np.ndarray, virial: np.ndarray, forces: np.ndarray, shear: np.ndarray,
@@ -168,7 +168,7 @@ def add_ground(
         add_point(wrench[body], block[body], virial[body], r, f, D)
 
 
-@numba.njit(cache=True)
+@compiled
 def _rotate(D_W: np.ndarray, R: np.ndarray, D: np.ndarray) -> None:
     """D = R^T D_W R."""
     for i in range(3):
@@ -179,7 +179,7 @@ def _rotate(D_W: np.ndarray, R: np.ndarray, D: np.ndarray) -> None:
             D[i, j] = a0 * R[0, j] + a1 * R[1, j] + a2 * R[2, j]
 
 
-@numba.njit(cache=True)
+@compiled
 def socket_displacement(
     device: Device, R: np.ndarray, p: np.ndarray, R_S: np.ndarray, p_S: np.ndarray
 ) -> np.ndarray:
@@ -191,7 +191,7 @@ def socket_displacement(
     return u
 
 
-@numba.njit(cache=True)
+@compiled
 def add_socket(
     device: Device, state: State, R: np.ndarray, R_S: np.ndarray, u: np.ndarray, h: float,
     wrench: np.ndarray, block: np.ndarray, load: np.ndarray,

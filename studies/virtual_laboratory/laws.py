@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
+
+from virtual_laboratory.compiled import compiled
 
 DENSE_FROM = 0.85
 """Compression / densification depth beyond which the foam goes on with the stiffness it has there, so that a Newton
 iterate beyond densification still has a finite force."""
 
 
-@numba.njit(cache=True)
+@compiled
 def foam(depth: float, stiffness: float, dense_depth: float) -> tuple[float, float]:
     """Elastic force (N) k d / (1 - (d / dense)^2) of a foam cell and its slope (N/m); zero out of contact."""
     if depth <= 0.0:
@@ -28,7 +29,7 @@ def foam(depth: float, stiffness: float, dense_depth: float) -> tuple[float, flo
     return stiffness * u * dense_depth / workspace + slope * (depth - u * dense_depth), slope
 
 
-@numba.njit(cache=True)
+@compiled
 def foam_with_hysteresis(
     depth: float, rate: float, step: float, stiffness: float, dense_depth: float, hysteresis: float
 ) -> tuple[float, float]:
@@ -40,7 +41,7 @@ def foam_with_hysteresis(
     return force * factor, slope * factor + force * hysteresis / step
 
 
-@numba.njit(cache=True)
+@compiled
 def friction(
     shear_x: float, shear_y: float, stiffness: float, limit: float
 ) -> tuple[float, float, float, float, bool]:
@@ -55,7 +56,7 @@ def friction(
     return -stiffness * shear_x, -stiffness * shear_y, shear_x, shear_y, size > limit
 
 
-@numba.njit(cache=True)
+@compiled
 def hardening(u: float, stiffness: float, scale: float) -> tuple[float, float]:
     """k a sinh(u / a) and its slope, continued as a straight line beyond u = 4 a."""
     x = min(max(u / scale, -4.0), 4.0)
@@ -63,7 +64,7 @@ def hardening(u: float, stiffness: float, scale: float) -> tuple[float, float]:
     return stiffness * scale * math.sinh(x) + slope * (u - x * scale), slope
 
 
-@numba.njit(cache=True)
+@compiled
 def axial(u: float, force: float, scale: float, linear: float) -> tuple[float, float]:
     """F (exp(u / a) - 1) + linear u and its slope, continued as a straight line beyond u = 4 a."""
     x = min(u / scale, 4.0)
@@ -72,7 +73,7 @@ def axial(u: float, force: float, scale: float, linear: float) -> tuple[float, f
     return force * (grown - 1.0) + linear * u + slope * (u - x * scale), slope + linear
 
 
-@numba.njit(cache=True)
+@compiled
 def rotation_vector(R: np.ndarray) -> np.ndarray:
     """Rotation vector (rad) of a rotation matrix whose angle is well below pi."""
     w = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
@@ -83,7 +84,7 @@ def rotation_vector(R: np.ndarray) -> np.ndarray:
     return w * (math.atan2(sine, cosine) / sine)
 
 
-@numba.njit(cache=True)
+@compiled
 def rotation_matrix(w: np.ndarray) -> np.ndarray:
     """Rotation matrix of a rotation vector (Rodrigues)."""
     angle = math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)

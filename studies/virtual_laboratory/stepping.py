@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from virtual_laboratory.assembly import add_fulcrum, assemble, solve
+from virtual_laboratory.compiled import compiled
 from virtual_laboratory.device import Device, State
 from virtual_laboratory.dynamics import (
     LARGEST_CORRECTION,
@@ -25,7 +25,7 @@ from virtual_laboratory.laws import rotation_matrix
 SOLVED, UNSOLVED = 0, 1
 
 
-@numba.njit(cache=True)
+@compiled
 def step(
     device: Device, state: State, R_S: np.ndarray, p_S: np.ndarray, h: float, forces: np.ndarray, load: np.ndarray
 ) -> int:
@@ -79,7 +79,7 @@ def step(
     return status
 
 
-@numba.njit(cache=True)
+@compiled
 def _accept(
     device: Device, state: State, R: np.ndarray, p: np.ndarray, q: np.ndarray, hinges: np.ndarray, bars: np.ndarray,
     h: float,
@@ -106,7 +106,7 @@ def _accept(
     state.q[:] = q
 
 
-@numba.njit(cache=True)
+@compiled
 def place(
     device: Device, R: np.ndarray, p: np.ndarray, hinges: np.ndarray, bars: np.ndarray, cells: np.ndarray
 ) -> None:
@@ -117,7 +117,7 @@ def place(
             cells[k, i] = p[i] + R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
 
 
-@numba.njit(cache=True)
+@compiled
 def measure(
     device: Device, state: State, before: np.ndarray, shear_before: np.ndarray, forces: np.ndarray, h: float,
     out: np.ndarray,
@@ -145,7 +145,7 @@ def measure(
     out[7] = out[7] / weight if weight > 0.0 else 0.0
 
 
-@numba.njit(cache=True)
+@compiled
 def moving(device: Device, state: State, out: np.ndarray) -> None:
     """Fills `out` (9,): linear momentum, angular momentum about W's origin and centre of mass of all mass points."""
     out[:] = 0.0
@@ -163,7 +163,7 @@ def moving(device: Device, state: State, out: np.ndarray) -> None:
     out[6:] /= total
 
 
-@numba.njit(cache=True)
+@compiled
 def run(
     device: Device, state: State, R_S: np.ndarray, p_S: np.ndarray, h: float, every: int,
     measured: np.ndarray, load: np.ndarray, momentum: np.ndarray,
