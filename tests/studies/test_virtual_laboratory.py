@@ -17,16 +17,18 @@ from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 from virtual_laboratory import bench, bench_truth, laws, prosthesis
 from virtual_laboratory import floor as floors
+from virtual_laboratory.assembly import add_fulcrum
 from virtual_laboratory.bench import LOADS_N
 from virtual_laboratory.design import Design, FrameDesign, KeelDesign, SupportDesign, longer
-from virtual_laboratory.motion import COORDINATES
+from virtual_laboratory.dynamics import chain
+from virtual_laboratory.motion import COORDINATES, DEVICE, SHANK, Person
 from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.tiers import PLATE_N, TRIAL_DEG, TRIAL_M
 
 from vsf_drake.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.motion.manifest import GeometricOffsets
-from vsf_drake.motion.trial import load_trial
-from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, Subject
+from vsf_drake.motion.trial import default_model, load_trial
+from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, FootParameters, Subject
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 
@@ -210,30 +212,110 @@ def test_standing_still_forces_and_moments_balance(lean):
     np.testing.assert_allclose(total, 0.0, atol=0.1)
 
 
-def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary():
-    """Second method: virtual work of ground and weight against the energy of hinges and fulcrum, by differences."""
-    p = virtual_foot(0.066)
-    R = Rotation.from_euler("y", 0.35).as_matrix()
+HINGED = dataclasses.replace(KeelDesign(), twists=6, clamp_nm_per_rad=150.0)
+OTHER = Design(keel=HINGED, support=SupportDesign(one_sided=True, play_m=2e-4))
+
+
+@pytest.mark.parametrize(("design", "fulcrum_m"), [
+    (Design(), 0.066), (OTHER, 0.1), (Design(keel=dataclasses.replace(HINGED, modulus_pa=4e10), support=None), None)])
+def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary(design, fulcrum_m):
+    """Second method: virtual work of ground and weight against the energy of hinges and roller, by differences."""
+    p = prosthesis_of(SUBJECT, fulcrum_m, design=design)
+    R = Rotation.from_euler("xyz", [0.1, 0.35, 0.0]).as_matrix()
     toe = 0.15
     p.reset(R, R @ knee(p, 0.0) + [0.0, 0.0, toe * np.sin(0.35) - 0.03])
     d, state, ground = p.device, copy.deepcopy(p.state), p._forces.copy()
     assert p.force[2] > 100.0 and p.cop[0] > 0.05
+    stiffness = np.concatenate([d.hinge_stiffness, d.twist_stiffness])
 
     def energy(q: np.ndarray) -> float:
         state.q[:] = q
         p._place(state)
-        angles = np.cumsum(q)
-        x = d.anchor[0] + np.concatenate(([0.0], np.cumsum(d.lengths * np.cos(angles))))
-        z = np.concatenate(([0.0], np.cumsum(d.lengths * np.sin(angles))))
-        gap = np.interp(d.anchor[0] + d.fulcrum, x, z)
+        beyond = np.zeros(2)
+        parts = np.empty((37, 3)), np.empty((36, 3, 3)), np.empty((len(q), 3))
+        chain(d, q, *parts)
+        add_fulcrum(d, state, *parts, np.inf, np.zeros(6 + len(q)), np.zeros((6 + len(q), 6 + len(q))), beyond)
+        pressed = np.maximum(beyond, 0.0) if d.fulcrum_one_sided else beyond
         nodes = state.mass_x[len(d.masses):, 2]
-        return float(0.5 * np.sum(d.hinge_stiffness * q**2) + 0.5 * d.fulcrum_stiffness * gap**2
+        return float(0.5 * np.sum(stiffness * q**2) + 0.25 * d.fulcrum_stiffness * np.sum(pressed**2)
                      + GRAVITY * np.sum(d.node_masses * nodes) - np.sum(ground * state.cell_x))
 
     q, e = p.state.q.copy(), 1e-6
     slopes = [(energy(q + e * row) - energy(q - e * row)) / (2 * e) for row in np.eye(len(q))]
-    assert np.max(np.abs(d.hinge_stiffness * q)) > 10.0
+    assert np.max(np.abs(stiffness * q)) > 10.0
     np.testing.assert_allclose(slopes, 0.0, atol=0.01)
+
+
+def test_a_keel_loaded_on_its_edge_twists_by_its_torque_over_its_torsional_stiffness():
+    """Saint-Venant: the integral of T / (G J), J = b h^3 (1/3 - 0.21 h / b) of a flat rectangle, T of the ground; of a
+    keel that does not bend."""
+    keel = dataclasses.replace(UNIFORM, twists=18, clamp_nm_per_rad=1e7, modulus_pa=1e12)
+    p = prosthesis_of(SUBJECT, None, design=Design(keel=keel, support=None))
+    R = Rotation.from_euler("xyz", [0.25, 0.3, 0.0]).as_matrix()
+    p.reset(R, R @ knee(p, 0.0) + [0.0, 0.0, 0.15 * np.sin(0.3) - 0.04])
+    x, y, z = ((p.state.cell_x - p.state.p) @ p.state.R - p.device.anchor).T
+    f = p._forces @ p.state.R
+    torque = y * f[:, 2] - z * f[:, 1]  # about the straight keel
+    b, h = keel.width_rear_m, keel.thickness_rear_m
+    on_keel = p.device.bodies > 0
+    twist = np.sum((torque * x)[on_keel]) / (keel.shear_modulus_pa * b * h**3 * (1 / 3 - 0.21 * h / b))
+    assert abs(twist) > 5e-3
+    assert np.sum(p.state.q[36:]) == pytest.approx(twist, rel=0.03)
+
+
+@pytest.mark.parametrize("one_sided", [True, False])
+def test_a_one_sided_support_does_not_hold_up_a_keel_that_hangs(one_sided):
+    """Its own weight w a length bends it by w L^4 / (8 E I) and its clamp by w L^3 / (2 c); a roller holds it up."""
+    sole = dataclasses.replace(Design().sole, rear_m=-0.012)
+    keel = dataclasses.replace(UNIFORM, clamp_nm_per_rad=150.0)
+    p = prosthesis_of(SUBJECT, 0.15, design=Design(keel=keel, support=SupportDesign(one_sided=one_sided), sole=sole))
+    p.reset(UPRIGHT, knee(p, -0.1))
+    tip = np.sum(p.device.lengths * np.sin(np.cumsum(p.state.q[:36])))
+    weight = keel.density_kg_m3 * keel.width_rear_m * keel.thickness_rear_m * GRAVITY
+    hanging = weight * keel.length_m**3 * (keel.length_m / (8 * BENDING) + 1 / (2 * keel.clamp_nm_per_rad))
+    if one_sided:
+        assert tip == pytest.approx(-hanging, rel=0.02)
+    else:
+        assert abs(tip) < 0.2 * hanging
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_momentum_changes_by_ground_limb_and_weight(every):
+    """As exactly as the steps are solved (1e-9 m, 1e5 N/m), whatever steps lie in between; of angular momentum but for
+    the step times m a x v."""
+    placed = dataclasses.replace(SUBJECT, prosthesis_inversion_rad=0.05, prosthesis_toe_out_rad=0.1)
+    p = prosthesis_of(placed, 0.1, design=OTHER, step_s=1e-3 / every)
+    time, R, x = roll_over(p, lateral=0.05)
+    r = p.walk(time, R, x)
+    assert r.unconverged == 0 and r.force[:, 2].max() > 300.0
+    np.testing.assert_allclose(np.diff(r.com, axis=0) / 1e-3 * r.mass_kg, r.linear_momentum[1:],
+                               atol=1e-9 if every == 1 else 0.1)
+    on_device = -np.einsum("nij,nj->ni", R, r.socket_load[:, :3])
+    weight = np.array([0.0, 0.0, -GRAVITY * r.mass_kg])
+    change = np.diff(r.linear_momentum, axis=0) / 1e-3
+    np.testing.assert_allclose(change, (r.force + on_device + weight)[1:], atol=1e-4)
+    end = x - p.residual_length * R[:, :, 2]
+    moment = (np.cross(np.nan_to_num(r.cop), r.force) + np.outer(np.nan_to_num(r.free_moment), [0.0, 0.0, 1.0])
+              + np.cross(end, on_device) - np.einsum("nij,nj->ni", R, r.socket_load[:, 3:]) + np.cross(r.com, weight))
+    loaded = np.isfinite(r.free_moment[1:]) | (r.force[1:, 2] == 0.0)
+    missing = np.diff(r.angular_momentum, axis=0) / 1e-3 - moment[1:]
+    assert np.abs(missing[loaded]).max() < 0.2 / every
+
+
+def test_the_foot_sits_where_the_model_has_it():
+    """Against the model's own plant: the keel's end A and the keel's axes, for a foot that is placed askew."""
+    askew = dataclasses.replace(
+        SUBJECT, prosthesis_fore_aft_m=0.012, prosthesis_lateral_m=0.007, prosthesis_alignment_rad=0.06,
+        prosthesis_inversion_rad=-0.04, prosthesis_toe_out_rad=0.15, prosthesis_length_m=0.53)
+    R_WB, p_WB = Person(askew, default_model()).poses(np.zeros((1, len(COORDINATES))))
+    p = prosthesis_of(askew, 0.108)
+    p.reset(R_WB[0, SHANK], p_WB[0, SHANK] + [0.0, 0.0, 2.0])
+    thinner, d = 0.5 * (KeelDesign().thickness_rear_m - FootParameters().keel.thickness_m), p.device
+    assert p.force[2] == 0.0
+    rest = R_WB[0, SHANK] @ (d.R_EP @ d.anchor - [0.0, 0.0, p.residual_length]) + p_WB[0, SHANK]
+    np.testing.assert_allclose(R_WB[0, SHANK] @ d.R_EP, R_WB[0, DEVICE], atol=1e-12)
+    np.testing.assert_allclose(rest - thinner * R_WB[0, DEVICE, :, 2], p_WB[0, DEVICE], atol=1e-9)
+    np.testing.assert_allclose(p.state.R, R_WB[0, DEVICE], atol=2e-3)  # in the air, but for what its weight leans it
 
 
 def test_a_fulcrum_out_of_reach_and_a_keel_that_nothing_holds_are_refused():
