@@ -21,7 +21,7 @@ CATCHING = {"contact.forefoot.exponent": 2.0, "contact.forefoot.damping": 160.0,
 """A toe that catches and lets go in swing: a dozen of the 1 ms steps are cut, into up to 4 (soft setting)."""
 LOST = {"contact.forefoot.damping": 890.0, "friction.mu_kinetic": 2.0, "fulcrum.stiffness": 57000.0,
         "offset.fore_aft": 0.052, "offset.alignment": 0.16}
-"""One of the 10 ms steps converges in no size (medium setting)."""
+"""Two of the 10 ms steps converge in no size (medium setting)."""
 SETTINGS = {"landing": (1, LANDING, 2e-3), "catching": (0, CATCHING, 1e-3), "lost": (1, LOST, 1e-2)}
 """Setting, values and step (s) of each."""
 

@@ -109,10 +109,10 @@ def test_an_undamped_joint_in_the_air_loses_what_implicit_euler_takes_and_the_re
 
 
 def test_no_loss_ever_returns(ledger):
-    """But for rounding at reversals, where a step's rate and the mean of two differ in sign."""
+    """But at reversals, where a step's rate and the mean of two differ in sign: it falls with the square of the step."""
     terms = ledger(1e-3)
     for name in LOST:
-        assert np.diff(terms[name], prepend=0.0).min() > -1e-6, name
+        assert np.diff(terms[name], prepend=0.0).min() > -1e-4 * terms[name][-1], name
 
 
 def test_carriage_works_when_the_fulcrum_moves_under_load(walker, motion):

@@ -207,16 +207,16 @@ def _press(
 
 # The foot calibrated to measured curves of its softest and its stiffest setting: the others are then predicted.
 #
-# The paper's joints were tuned on the bench; this is the like. Three numbers move, the fulcrum's stiffness and the two
+# The paper's joints were tuned on the bench; this is the like. Three numbers move, the keel's modulus and the two
 # of the foam between load and keel, and minimise the difference of displacement at equal loads, each curve in parts of
-# its own largest displacement. The keel's modulus stays the material's.
+# its own largest displacement. The support's stiffness stays.
 
 SAMPLES = 20
 """Loads a curve, evenly up to its largest."""
 MIDDLE_N = 300.0
 """Load at which the foam's depth is one of the unknowns: nearly independent of its exponent."""
-_LOW, _HIGH = (math.log(1e4), math.log(1e-4), 1.0), (math.log(1e7), math.log(3e-2), 6.0)
-"""log fulcrum stiffness (N/m), log foam depth (m) at 300 N, exponent."""
+_LOW, _HIGH = (math.log(1e9), math.log(1e-4), 1.0), (math.log(1e11), math.log(3e-2), 6.0)
+"""log flexural modulus (Pa), log foam depth (m) at 300 N, exponent."""
 _EVALUATIONS = 60
 _STEP = 1e-3
 
@@ -233,7 +233,7 @@ def calibrated(
     def trial(values: np.ndarray) -> FootParameters:
         exponent, depth = float(values[2]), math.exp(values[1])
         return dataclasses.replace(
-            foot, fulcrum=dataclasses.replace(foot.fulcrum, stiffness_n_per_m=math.exp(values[0])),
+            foot, keel=dataclasses.replace(foot.keel, flexural_modulus_pa=math.exp(values[0])),
             series_stiffness_n_per_m=MIDDLE_N / depth**exponent, series_exponent=exponent)
 
     def residuals(values: np.ndarray) -> np.ndarray:
@@ -242,7 +242,7 @@ def calibrated(
         return np.concatenate([(pressed[x] - measured[x]) / measured[x][-1] for x in ends])
 
     k, n = foot.series_stiffness_n_per_m, foot.series_exponent
-    start = np.array([math.log(foot.fulcrum.stiffness_n_per_m),
+    start = np.array([math.log(foot.keel.flexural_modulus_pa),
                       math.log(MIDDLE_N / secant_stiffness(k, n, MIDDLE_N)), max(n, 1.0 + 10 * _STEP)])
     start = np.clip(start, np.array(_LOW) + 10 * _STEP, np.array(_HIGH) - 10 * _STEP)
     fit = least_squares(residuals, start, bounds=(_LOW, _HIGH), diff_step=_STEP, xtol=1e-5, ftol=1e-6,
@@ -250,7 +250,7 @@ def calibrated(
     if not fit.success:
         raise InputError(f"the calibration to the measured curves found no end: {fit.message}")
     return trial(fit.x), [name for name, state in zip((
-        "fulcrum stiffness", "foam stiffness", "foam exponent"), fit.active_mask, strict=True) if state]
+        "keel modulus", "foam stiffness", "foam exponent"), fit.active_mask, strict=True) if state]
 
 
 # What the paper's bench did not do: other speeds, the way back with its energy, other points of the load.
