@@ -35,7 +35,7 @@ from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution
 from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
-from vsf_drake.bench_curves import load_bench_file
+from vsf_drake.analysis.validation.bench_lines import load_measured_bench
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.files import sha256, write_json
 from vsf_drake.motion.fitted_trial import trial_with
@@ -144,7 +144,7 @@ def run(case: Case, data: Path, quick: bool) -> dict[str, Any]:
 
 def fit_of(case: Case, data: Path, quick: bool = False) -> ContactFit:
     """The fit as `vsf-drake fit` makes it of two trials and curves."""
-    bench = None if case.passive else load_bench_file(data / case.person / "bench_curves.csv")
+    bench = None if case.passive else load_measured_bench(data / case.person / "bench_curves.csv")
     return ContactFit([read(data, case, name) for name in case.fitted], bench=bench,
                       options=ContactFitOptions(seed=SEED, **({"starts": 1} if quick else {})))
 
