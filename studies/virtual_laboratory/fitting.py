@@ -1,69 +1,82 @@
 """Least squares over the splines that are added to the base motion.
 
-The unknowns are the coefficients c (21, K) of q(t) = base(t) + splines(t) c. Every wish is linearised about the present
-motion: a row of Jacobian J (21,) at an instant, how far the quantity is off, and how far off is tolerable (sigma).
-Wishes about poses touch one instant; those about accelerations touch three.
+The unknowns are the coefficients c (U, K) of u(t) = base(t) + splines(t) c, U smooth functions of time. Every wish is
+linearised about the present ones: a row of Jacobian J (U,) at an instant, how far the quantity is off, and how far off
+is tolerable (sigma). Wishes about poses touch one instant; those about accelerations three.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import solveh_banded
 
-from virtual_laboratory.motion import COORDINATES, DEGREE, Splines
+from virtual_laboratory.motion import DEGREE, Splines
 
 BAND = DEGREE + 1
 
 
 class Targets:
-    """Normal equations of weighted wishes about a change of the coefficients."""
+    """Normal equations of weighted wishes about a change of the coefficients of `size` functions."""
 
-    def __init__(self, splines: Splines) -> None:
-        self._splines = splines
-        size, count = len(COORDINATES), splines.values.shape[1]
-        self._hessian, self._gradient = np.zeros((size, count, size, count)), np.zeros((size, count))
+    def __init__(self, splines: Splines, size: int) -> None:
+        self._splines, self._size = splines, size
+        count = splines.values.shape[1]
+        self._hessian, self._gradient = np.zeros((count, size, count, size)), np.zeros((count, size))
         self._instant = np.zeros((len(splines.time_s), size, size))
         self._instant_gradient = np.zeros((len(splines.time_s), size))
 
     def pose(self, J: np.ndarray, off: np.ndarray, sigma: np.ndarray | float) -> None:
-        """Asks that J (N, m, 21) dq makes up for `off` (N, m), each to about sigma; infinite where nothing is asked."""
-        weight = np.broadcast_to(1.0 / np.square(sigma), off.shape)
-        self._instant += np.einsum("nm,nma,nmb->nab", weight, J, J)
-        self._instant_gradient += np.einsum("nm,nma,nm->na", weight, J, off)
+        """Asks that J (N, m, u) du makes up for `off` (N, m), each to about sigma; infinite where nothing is asked.
 
-    def coordinates(self, off: np.ndarray, sigma: np.ndarray) -> None:
-        """Asks for a change `off` (N, 21) of the coordinates, to about sigma (21,)."""
-        self._instant[:, range(off.shape[1]), range(off.shape[1])] += 1.0 / np.square(sigma)
+        J is of the first u functions.
+        """
+        weight, u = np.broadcast_to(1.0 / np.square(sigma), off.shape), J.shape[2]
+        weighted = weight[:, :, None] * J
+        self._instant[:, :u, :u] += weighted.transpose(0, 2, 1) @ J
+        self._instant_gradient[:, :u] += (weighted.transpose(0, 2, 1) @ off[:, :, None])[..., 0]
+
+    def values(self, off: np.ndarray, sigma: np.ndarray) -> None:
+        """Asks for a change `off` (N, U) of the functions, to about sigma (U,)."""
+        self._instant[:, range(self._size), range(self._size)] += 1.0 / np.square(sigma)
         self._instant_gradient += off / np.square(sigma)
 
-    def acceleration(self, J: np.ndarray, off: np.ndarray, sigma: np.ndarray) -> None:
-        """Asks that d²(J dq)/dt² makes up for `off` (N, m), J (N, m, 21), sigma (N,); the two ends are left out."""
-        step = float(self._splines.time_s[1] - self._splines.time_s[0])
-        rows = np.einsum("nma,nk->nmak", J, self._splines.values)
-        rows = (rows[2:] - 2.0 * rows[1:-1] + rows[:-2]) / (step**2 * sigma[1:-1, None, None, None])
-        flat = rows.reshape(-1, self._gradient.size)
-        off = (off[1:-1] / sigma[1:-1, None]).ravel()
-        self._hessian += (flat.T @ flat).reshape(self._hessian.shape)
-        self._gradient += (flat.T @ off).reshape(self._gradient.shape)
+    def stencil(self, J: np.ndarray, off: np.ndarray, sigma: np.ndarray) -> None:
+        """Asks that J[n, 0] du(n - 1) + J[n, 1] du(n) + J[n, 2] du(n + 1) makes up for `off` (N, m), to sigma (m,).
+
+        J (N, 3, m, U); the first and the last instant are left out.
+        """
+        values, first = self._splines.values, self._splines.first
+        for n in range(1, len(off) - 1):
+            part = slice(first[n - 1], first[n + 1] + BAND)
+            rows = np.einsum("jma,jk->mka", J[n] / sigma[:, None], values[n - 1:n + 2, part])
+            flat = rows.reshape(len(sigma), -1)
+            width = rows.shape[1:]
+            self._hessian[part, :, part, :] += (flat.T @ flat).reshape(*width, *width)
+            self._gradient[part] += (flat.T @ (off[n] / sigma)).reshape(width)
 
     def smooth(self, c: np.ndarray, sigma: np.ndarray) -> None:
-        """Asks for small third derivatives of the whole correction c + dc, to about sigma (21,) per s³."""
-        count = len(self._splines.time_s)
+        """Asks for small third derivatives of the whole correction c + dc, to about sigma (U,) per s³."""
+        cost = self._splines.roughness * len(self._splines.time_s)
         for i, tolerated in enumerate(sigma):
-            cost = self._splines.roughness * count / tolerated**2
-            self._hessian[i, :, i, :] += cost
-            self._gradient[i] -= cost @ c[i]
+            self._hessian[:, i, :, i] += cost / tolerated**2
+            self._gradient[:, i] -= cost @ c[i] / tolerated**2
 
-    def solve(self) -> np.ndarray:
-        """(21, K) change of the coefficients."""
-        hessian, gradient = self._hessian.copy(), self._gradient.copy()
-        for values, first, A, g in zip(self._splines.values, self._splines.first, self._instant,
-                                       self._instant_gradient, strict=True):
+    def solve(self, active: slice = slice(None)) -> np.ndarray:
+        """(U, K) change of the coefficients, zero but for the functions `active`."""
+        hessian, gradient = self._hessian[:, active, :, active], self._gradient[:, active].copy()
+        hessian = hessian.copy()
+        for values, first, A, g in zip(self._splines.values, self._splines.first, self._instant[:, active, active],
+                                       self._instant_gradient[:, active], strict=True):
             part = slice(first, first + BAND)
             b = values[part]
-            hessian[:, part, :, part] += np.einsum("ab,k,l->akbl", A, b, b)
-            gradient[:, part] += np.outer(g, b)
-        size = gradient.size
-        factor = cho_factor(hessian.reshape(size, size) + 1e-9 * np.eye(size), overwrite_a=True)
-        change: np.ndarray = cho_solve(factor, gradient.ravel()).reshape(gradient.shape)
+            hessian[part, :, part, :] += b[:, None, None, None] * A[None, :, None, :] * b[None, None, :, None]
+            gradient[part] += np.outer(b, g)
+        count, size = gradient.shape
+        full, width = hessian.reshape(count * size, count * size), (BAND + 1) * size
+        full[np.diag_indices(len(full))] += 1e-9
+        banded = np.zeros((width, len(full)))
+        for k in range(width):
+            banded[k, :len(full) - k] = np.diagonal(full, -k)
+        change = np.zeros((self._size, count))
+        change[active] = solveh_banded(banded, gradient.ravel(), lower=True).reshape(count, size).T
         return change

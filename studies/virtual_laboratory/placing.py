@@ -1,7 +1,8 @@
 """Puts a motion on its feet, before anything is simulated.
 
-Each foot is two supports, heel and forefoot, that rest on the floor, sunk in by what they shall carry; the centre of
-mass is accelerated by both feet's forces; toes are clear of the floor in swing; everything stays near published curves.
+Each foot is two supports, heel and forefoot, that rest on the floor, sunk in by what they shall carry; both feet's
+forces and moments change the whole body's momenta; toes are clear of the floor in swing; everything stays near
+published curves.
 """
 
 from __future__ import annotations
@@ -11,32 +12,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from virtual_laboratory.balance import FUNCTIONS, PLATE, IntactPlate, Wrench, ask_balance
+from virtual_laboratory.body import DEVICE, INTACT_FOOT, SHANK, MassPoints, body_points
 from virtual_laboratory.fitting import Targets
-from virtual_laboratory.motion import COORDINATES, DEVICE, INTACT_FOOT, Linearised, Person, Splines, make_splines
-from virtual_laboratory.supports import Support, anchor, device_supports, intact_supports
-from virtual_laboratory.targets import Draw, intact_force, prosthetic_force
+from virtual_laboratory.motion import COORDINATES, MOVING, TRUNK, Linearised, Person, Splines, cross, make_splines
+from virtual_laboratory.prosthesis import Prosthesis
+from virtual_laboratory.supports import Support, anchor, device_supports, intact_supports, target_centre
+from virtual_laboratory.targets import Draw, intact_force, prosthetic_force, roll_over
 from vsf_drake.parameters import GRAVITY
 
 RATE_HZ = 200
 """Of the kinematics."""
-MARGIN_S = 0.42
-"""Recorded before heel strike and after toe-off."""
+MARGIN_S, AFTER_S = 0.34, 0.12
+"""Recorded before the prosthetic foot's strike, and after the end of the intact foot's next stance."""
 PLACING = 8
 """Steps of the fit."""
-STANDARD = {"pelvis_tx": 0.015, "pelvis_ty": 0.03, "pelvis_tz": 0.04, "pelvis_tilt": 0.02, "pelvis_list": 0.025,
+STANDARD = {"pelvis_tx": 0.015, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_tilt": 0.02, "pelvis_list": 0.025,
             "pelvis_rotation": 0.03, "hip_flexion": 0.09, "hip_adduction": 0.035, "hip_rotation": 0.06,
             "knee_angle_r": 0.03, "knee_angle_l": 0.06, "knee_adduction": 0.02, "knee_rotation": 0.05,
             "ankle_angle": 0.1, "ankle_adduction": 0.04, "ankle_rotation": 0.04}
 """How far (m, rad) a coordinate may well be from its published curve; the pelvis, from its mean path."""
-ROUGHNESS_PER_S3 = 2.0e3
-"""Third derivative of a correction that goes with its `STANDARD`, as a multiple of it."""
+TRUNK_STANDARD, PLATE_STANDARD = (0.003,) * 3 + (0.03,) * 3, (0.03, 0.02, 0.03, 0.015, 0.006, 0.003)
+"""The same of the trunk (`motion.TRUNK`) and of the intact foot's plate (`balance.PLATE`)."""
+ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3 = 2.0e3, 5.0e4, 5.0e3
+"""Third derivative of a correction that goes with its standard, as a multiple of it."""
 SUPPORT_M, INTACT_SUPPORT_M, ROLL_RAD, CLEARANCE_M = 5e-4, 2e-3, 0.01, 2e-3
 """Tolerated: place of a loaded support of either foot, roll and turn of a loaded foot, height of the sole in swing."""
 INTACT_N = 30.0
 """Tolerated load on the intact foot's spheres (N)."""
-ACCELERATION, ACCELERATION_ALONE, EARLY_S = 0.2, 0.15, 0.02
-"""Tolerated acceleration of the centre of mass (m/s^2), and where the prosthesis stands alone (and a little before and
-after), so that no other force can explain it."""
+BALANCE = (5.0, 1.0)
+"""Tolerated force (N) and moment (N m) on the whole body that no plate explains; the recording has none."""
 LIFT_M, HELD_M, AWAY_S = 0.024, 0.012, 0.10
 """Wished height of the sole in swing and how far above it counts as near, so long after lift-off and before strike."""
 
@@ -46,7 +51,8 @@ class Attempt:
     """The motion as it stands.
 
     Attributes:
-        time_s: (N,) s at RATE_HZ from the prosthetic foot's strike; base: (N, 21); c: (21, K) coefficients.
+        time_s: (N,) s at RATE_HZ from the prosthetic foot's strike.
+        base: (N, 33) functions before the fit: coordinates, trunk, intact plate; c: (33, K) coefficients.
     """
 
     draw: Draw
@@ -56,49 +62,100 @@ class Attempt:
     c: np.ndarray
 
     @property
-    def q(self) -> np.ndarray:
-        """(N, 21) m and rad."""
+    def u(self) -> np.ndarray:
+        """(N, 33) all functions."""
         moved: np.ndarray = self.base + self.splines.values @ self.c.T
         return moved
+
+    @property
+    def q(self) -> np.ndarray:
+        """(N, 21) m and rad."""
+        return self.u[:, :len(COORDINATES)]
 
 
 def recorded_time(draw: Draw) -> np.ndarray:
     """Instants (s) of the kinematics, from the wished heel strike."""
-    before, after = round(MARGIN_S * RATE_HZ), round((draw.stance_s + MARGIN_S) * RATE_HZ)
+    end = draw.intact_strike_s + draw.intact_duty * draw.stride_s + AFTER_S
+    before, after = round(MARGIN_S * RATE_HZ), round(end * RATE_HZ)
     return np.arange(-before, after + 1) / RATE_HZ
 
 
 def standard_deviations() -> np.ndarray:
-    """(21,) `STANDARD` by coordinate."""
-    return np.array([STANDARD.get(n) or STANDARD[n[:-2]] for n in COORDINATES])
+    """(33,) `STANDARD` by coordinate, then the trunk's and the plate's."""
+    return np.array([*(STANDARD.get(n) or STANDARD[n[:-2]] for n in COORDINATES), *TRUNK_STANDARD, *PLATE_STANDARD])
+
+
+def roughness() -> np.ndarray:
+    """(33,) third derivative of a correction that is tolerated."""
+    return standard_deviations() * np.repeat(
+        [ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3], [len(COORDINATES), len(TRUNK), len(PLATE)])
 
 
 def start(draw: Draw, base: Callable[[Draw, np.ndarray], np.ndarray]) -> Attempt:
     time_s = recorded_time(draw)
-    splines = make_splines(time_s)
-    return Attempt(draw, time_s, base(draw, time_s), splines, np.zeros((len(COORDINATES), splines.values.shape[1])))
+    splines, motion = make_splines(time_s), base(draw, time_s)
+    whole = np.column_stack([motion, np.zeros((len(time_s), FUNCTIONS - motion.shape[1]))])
+    return Attempt(draw, time_s, whole, splines, np.zeros((FUNCTIONS, splines.values.shape[1])))
 
 
-def place(person: Person, attempt: Attempt) -> tuple[list[Support], list[Support]]:
-    """Puts both feet on the floor where they carry their forces; returns the supports it used."""
+@dataclass(frozen=True)
+class Stage:
+    """What does not change while a motion is fitted.
+
+    Attributes:
+        points: mass points of the body without its prosthesis; worn: the prosthesis's, undeformed, on the shank.
+        device, intact: supports; plate: the intact foot's as designed.
+    """
+
+    points: MassPoints
+    worn: MassPoints
+    device: list[Support]
+    intact: list[Support]
+    plate: IntactPlate
+
+
+def set_stage(person: Person, draw: Draw, prosthesis: Prosthesis, time_s: np.ndarray) -> Stage:
+    weight = person.subject.mass_kg * GRAVITY
+    load = weight * intact_force(draw, time_s)
+    intact = intact_supports(person, draw, load[:, 2], time_s)
+    device = device_supports(person, draw, weight * prosthetic_force(draw, time_s)[:, 2], time_s)
+    centre = np.zeros_like(load)
+    for k, (heel, toe) in enumerate(zip(intact[::2], intact[1::2], strict=True)):
+        part = (time_s - draw.intact_strike_s + (1 - k) * draw.stride_s) / (draw.intact_duty * draw.stride_s)
+        rows = part > -0.1
+        centre[rows] = heel.p_W + roll_over(part[rows])[:, None] * (toe.p_W - heel.p_W)
+    high = np.array([0.0, 0.0, 5.0])
+    prosthesis.reset(np.eye(3), high)
+    mass = np.concatenate([prosthesis.device.masses, prosthesis.device.node_masses])
+    worn = MassPoints(np.full(len(mass), SHANK), prosthesis.state.mass_x - high, mass)
+    return Stage(body_points(person.handles, person.model.intact_foot, prosthesis.mass_kg), worn, device, intact,
+                 IntactPlate(load, centre))
+
+
+def place(person: Person, attempt: Attempt, stage: Stage) -> None:
+    """Puts both feet on the floor where they carry their forces."""
     draw, weight = attempt.draw, person.subject.mass_kg * GRAVITY
-    prosthetic, intact = prosthetic_force(draw, attempt.time_s), intact_force(draw, attempt.time_s)
-    device = device_supports(person, draw, weight * prosthetic[:, 2], attempt.time_s)
-    other = intact_supports(person, draw, weight * intact[:, 2], attempt.time_s)
-    _shift(person, attempt, device)
+    prosthetic = weight * prosthetic_force(draw, attempt.time_s)
+    points, wished = wished_balance(person, attempt, stage, prosthetic)
+    _shift(person, attempt, stage.device)
     for _ in range(PLACING):
-        body = person.linearise(attempt.q)
-        targets = common_targets(person, attempt, body, other)
-        for support in device:
+        body = person.linearise(attempt.u[:, :MOVING])
+        targets = common_targets(person, attempt, stage, body, points, wished)
+        for support in stage.device:
             anchor(targets, body, support, SUPPORT_M)
-        level(targets, body, DEVICE, prosthetic[:, 2], -np.radians(draw.toe_out_deg), ROLL_RAD)
+        level(targets, body, DEVICE, prosthetic[:, 2] / weight, -np.radians(draw.toe_out_deg), ROLL_RAD)
         attempt.c += targets.solve()
-    return device, other
+
+
+def wished_balance(person: Person, attempt: Attempt, stage: Stage, force: np.ndarray) -> tuple[MassPoints, Wrench]:
+    """The body with its prosthesis undeformed, and the ground's wished force (N, 3) N on that at the wished place."""
+    spot = target_centre(person, attempt.draw, attempt.time_s)
+    return stage.points.together(stage.worn), Wrench(force, np.cross(np.column_stack([spot, 0.0 * spot[:, 0]]), force))
 
 
 def _shift(person: Person, attempt: Attempt, device: list[Support]) -> None:
     """Moves the base pelvis to where the loaded supports lie on average."""
-    body = person.linearise(attempt.q)
+    body = person.linearise(attempt.u[:, :MOVING])
     off, total = np.zeros(3), 0.0
     for support in device:
         loaded = support.load_n > 100.0
@@ -109,25 +166,23 @@ def _shift(person: Person, attempt: Attempt, device: list[Support]) -> None:
     attempt.base[:, :3] += [forward, up, -left]
 
 
-def common_targets(person: Person, attempt: Attempt, body: Linearised, intact: list[Support]) -> Targets:
-    """What both stages ask: near the published curves, smooth, dynamics, intact foot on the floor, toes up in swing."""
-    draw, time = attempt.draw, attempt.time_s
-    targets, sigma = Targets(attempt.splines), standard_deviations()
+def common_targets(person: Person, attempt: Attempt, stage: Stage, body: Linearised, points: MassPoints,
+                   outer: Wrench, balance: tuple[float, float] = BALANCE) -> Targets:
+    """What both stages ask: near the published curves, smooth, in balance with the wrench `outer` and the intact plate,
+    intact foot on the floor, toes up in swing."""
+    draw, time, u = attempt.draw, attempt.time_s, attempt.u
+    targets, sigma = Targets(attempt.splines, FUNCTIONS), standard_deviations()
     correction = attempt.splines.values @ attempt.c.T
     correction[:, :3] -= correction[:, :3].mean(axis=0)
-    targets.coordinates(-correction, sigma)
-    targets.smooth(attempt.c, ROUGHNESS_PER_S3 * sigma)
-    for support in intact:
+    targets.values(-correction, sigma)
+    targets.smooth(attempt.c, roughness())
+    for support in stage.intact:
         anchor(targets, body, support, INTACT_SUPPORT_M)
-    _bear(targets, person, body, person.subject.mass_kg * GRAVITY * intact_force(draw, time)[:, 2])
-    level(targets, body, INTACT_FOOT, intact_force(draw, time)[:, 2], np.radians(draw.toe_out_deg), 3.0 * ROLL_RAD)
-    total = prosthetic_force(draw, time) + intact_force(draw, time)
-    wanted = GRAVITY * (total - [0.0, 0.0, 1.0])
-    step = time[1] - time[0]
-    present = np.zeros_like(wanted)
-    present[1:-1] = (body.com_W[2:] - 2.0 * body.com_W[1:-1] + body.com_W[:-2]) / step**2
-    alone = (time > draw.intact_lift_s - EARLY_S) & (time < draw.intact_strike_s + EARLY_S)
-    targets.acceleration(body.J_com, wanted - present, np.where(alone, ACCELERATION_ALONE, ACCELERATION))
+    load = stage.plate.wrench(u[:, MOVING:]).force[:, 2]
+    _bear(targets, person, body, load)
+    level(targets, body, INTACT_FOOT, load / (person.subject.mass_kg * GRAVITY), np.radians(draw.toe_out_deg),
+          3.0 * ROLL_RAD)
+    ask_balance(targets, body, points, 1.0 / RATE_HZ, outer, stage.plate, u[:, MOVING:], balance)
     stride = draw.stride_s
     device = [np.array([x, 0.0, person.sole_height]) for x in (0.01, 0.12, person.model.foot.length_m - 0.01)]
     _clear(targets, body, DEVICE, device, time, lifts=(draw.stance_s - stride, draw.stance_s), strikes=(0.0, stride))
@@ -140,7 +195,7 @@ def common_targets(person: Person, attempt: Attempt, body: Linearised, intact: l
 def _bear(targets: Targets, person: Person, body: Linearised, load_n: np.ndarray) -> None:
     """Asks that the intact foot's spheres, as springs, be pressed into the floor by what the foot shall carry."""
     sites = person.handles.intact_sites
-    force, J = np.zeros(len(load_n)), np.zeros((len(load_n), len(COORDINATES)))
+    force, J = np.zeros(len(load_n)), np.zeros((len(load_n), MOVING))
     for p_BS, radius, stiffness in zip(sites.p_BS, sites.radius, sites.stiffness, strict=True):
         p_W, J_W = body.point(INTACT_FOOT, p_BS)
         depth = np.maximum(0.0, radius - p_W[:, 2])
@@ -154,7 +209,7 @@ def level(targets: Targets, body: Linearised, segment: int, load_bw: np.ndarray,
            sigma: float) -> None:
     """Asks that a loaded foot's transverse axis lies level, the foot turned by `turn_rad` about the vertical."""
     lateral = body.R_WB[:, segment, :, 1]
-    J = np.cross(body.J_WB[:, segment, :3], lateral[:, :, None], axisa=1, axisb=1, axisc=1)[:, [0, 2]]
+    J = cross(body.J_WB[:, segment, :3], lateral[:, :, None])[:, [0, 2]]
     width = np.where(load_bw > 0.03, sigma, np.inf)
     targets.pose(J, np.array([-np.sin(turn_rad), 0.0]) - lateral[:, [0, 2]], width[:, None])
 

@@ -13,13 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from virtual_laboratory.balance import Wrench, triangle_mean
+from virtual_laboratory.body import DEVICE, SHANK
 from virtual_laboratory.fitting import Targets
-from virtual_laboratory.motion import COORDINATES, DEVICE, SHANK, Linearised, Person
-from virtual_laboratory.placing import RATE_HZ, ROLL_RAD, Attempt, common_targets, level
+from virtual_laboratory.motion import COORDINATES, MOVING, Linearised, Person
+from virtual_laboratory.placing import RATE_HZ, ROLL_RAD, Attempt, Stage, common_targets, level, wished_balance
 from virtual_laboratory.prosthesis import Prosthesis
 from virtual_laboratory.reaction import Reaction
-from virtual_laboratory.supports import Support, device_supports
-from virtual_laboratory.targets import Draw, prosthetic_force, roll_over
+from virtual_laboratory.supports import Support, target_centre
+from virtual_laboratory.targets import prosthetic_force
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY
@@ -30,6 +32,10 @@ STIFFNESS_EVERY = 5
 """Steps between two measurements of how the force answers to the shank's pose."""
 RETIMED = (4, 7, 9)
 """Steps after which the wished force begins and ends as much earlier as the achieved one was late, and conversely."""
+BALANCING, HELD_M, HELD_RAD = 4, 1e-5, 2e-5
+"""Steps at the end that balance the body with what the prosthesis carries, and what the shank may move in them."""
+CLOSE_BALANCE = (1.0, 0.2)
+"""Force (N) and moment (N m) that they tolerate on the body."""
 STRIKE_S, STRIKE_M = 0.013, 5e-4
 """So long before and after heel strike the foot is kept in its place, to about so much."""
 SHEAR_N_PER_M, SOFTEST_N_PER_M = 15e3, 8e3
@@ -45,23 +51,27 @@ Moved = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class ForwardSensitivity:
-    """What the virtual prosthesis carries at the instants of the kinematics: force (N, 3) N, cop (N, 2) m (or NaN)."""
+    """What the virtual prosthesis carries at the instants of the kinematics: force (N, 3) N, cop (N, 2) m (or NaN);
+    load: its action on the residual limb, mean around the instant (`balance.triangle_mean`)."""
 
     force: np.ndarray
     cop: np.ndarray
+    load: Wrench
 
 
-def walk(person: Person, prosthesis: Prosthesis, time_s: np.ndarray, q: np.ndarray, instants: np.ndarray,
-         moved: Moved | None = None) -> Reaction:
-    """Drives the virtual prosthesis by the coordinates q (N, 21) recorded at `time_s`, as `vsf_drake` would.
+def shank_poses(person: Person, time_s: np.ndarray, q: np.ndarray, instants: np.ndarray
+                ) -> tuple[np.ndarray, np.ndarray]:
+    """R (n, 3, 3) and p (n, 3) m of the shank at `instants` for coordinates q (N, 21) recorded at `time_s`, as
+    `vsf_drake` interpolates them."""
+    R_WB, p_WB = person.leg_poses(CoordinateTrajectory(time_s, q, COORDINATES).sample(instants)[0])
+    return R_WB[:, SHANK], p_WB[:, SHANK]
 
-    Args:
-        instants: (n,) s of the reaction.
-    """
-    shank = CoordinateTrajectory(time_s, q, COORDINATES).sample(instants)[0]
-    R_WB, p_WB = person.poses(shank)
-    R, p = R_WB[:, SHANK], p_WB[:, SHANK]
-    return prosthesis.walk(instants, *((R, p) if moved is None else moved(R, p)))
+
+def limb_load(prosthesis: Prosthesis, reaction: Reaction, R_WS: np.ndarray, p_WS: np.ndarray) -> Wrench:
+    """The socket's action on the residual limb at each instant."""
+    force, moment = (np.einsum("nij,nj->ni", R_WS, part) for part in np.split(reaction.socket_load, 2, axis=1))
+    end = p_WS - prosthesis.residual_length * R_WS[:, :, 2]
+    return Wrench(force, moment + np.cross(end, force))
 
 
 def forward(person: Person, prosthesis: Prosthesis, attempt: Attempt,
@@ -69,12 +79,16 @@ def forward(person: Person, prosthesis: Prosthesis, attempt: Attempt,
     """One walk at 1 kHz, seen at the instants of the kinematics."""
     every = FORCE_HZ // RATE_HZ
     instants = attempt.time_s[0] + np.arange((len(attempt.time_s) - 1) * every + 1) / FORCE_HZ
-    reaction = walk(person, prosthesis, attempt.time_s, attempt.q, instants, moved)
-    return ForwardSensitivity(reaction.force[::every], reaction.cop[::every, :2])
+    R, p = shank_poses(person, attempt.time_s, attempt.q, instants)
+    if moved:
+        R, p = moved(R, p)
+    reaction = prosthesis.walk(instants, R, p)
+    load = limb_load(prosthesis, reaction, R, p)
+    return ForwardSensitivity(reaction.force[::every], reaction.cop[::every, :2],
+                              Wrench(triangle_mean(load.force, every), triangle_mean(load.moment, every)))
 
 
-def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, device: list[Support],
-           intact: list[Support], steps: int) -> None:
+def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stage, steps: int) -> None:
     """Brings the force on the virtual prosthesis to the wished one."""
     weight = person.subject.mass_kg * GRAVITY
     targeted = weight * prosthetic_force(attempt.draw, attempt.time_s)
@@ -84,15 +98,28 @@ def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, device: lis
         now = forward(person, prosthesis, attempt)
         if k in RETIMED:
             span += np.clip([0.0, attempt.draw.stance_s] - _loaded_span(attempt.time_s, now.force[:, 2]), -0.01, 0.01)
-            part = (attempt.time_s - span[0]) / (span[1] - span[0])
-            targeted = weight * prosthetic_force(attempt.draw, attempt.draw.stance_s * part)
+            targeted = weight * prosthetic_force(attempt.draw, attempt.time_s, (span[0], span[1]))
         if k % STIFFNESS_EVERY == 0:
             K = _stiffness(person, prosthesis, attempt, now, spot)
-        body = person.linearise(attempt.q)
-        targets = common_targets(person, attempt, body, intact)
+        body = person.linearise(attempt.u[:, :MOVING])
+        targets = common_targets(person, attempt, stage, body, *wished_balance(person, attempt, stage, targeted))
         _carry(targets, body, now, targeted, spot, K)
         level(targets, body, DEVICE, targeted[:, 2] / weight, -np.radians(attempt.draw.toe_out_deg), 2.0 * ROLL_RAD)
-        _strike(targets, body, device[0], attempt.time_s)
+        for heel, strike_s in ((stage.device[0], 0.0), (stage.device[2], attempt.draw.stride_s)):
+            _strike(targets, body, heel, attempt.time_s - strike_s)
+        attempt.c += targets.solve()
+    _balance(person, attempt, stage, forward(person, prosthesis, attempt).load)
+
+
+def _balance(person: Person, attempt: Attempt, stage: Stage, load: Wrench) -> None:
+    """Brings the body in balance with what the prosthesis does to it, the shank and so that load held."""
+    wanted = person.linearise(attempt.u[:, :MOVING])
+    for _ in range(BALANCING):
+        body = person.linearise(attempt.u[:, :MOVING])
+        targets = common_targets(person, attempt, stage, body, stage.points, load, CLOSE_BALANCE)
+        turned = Rotation.from_matrix(wanted.R_WB[:, SHANK] @ body.R_WB[:, SHANK].transpose(0, 2, 1)).as_rotvec()
+        off = np.column_stack([turned, wanted.p_WB[:, SHANK] - body.p_WB[:, SHANK]])
+        targets.pose(body.J_WB[:, SHANK], off, np.array([HELD_RAD] * 3 + [HELD_M] * 3))
         attempt.c += targets.solve()
 
 
@@ -107,12 +134,6 @@ def _strike(targets: Targets, body: Linearised, heel: Support, time_s: np.ndarra
     p_W, J = body.point(heel.segment, heel.p_B)
     width = np.where(np.abs(time_s) < STRIKE_S, STRIKE_M, np.inf)
     targets.pose(J[:, :2], (heel.p_W - p_W)[:, :2], width[:, None])
-
-
-def target_centre(person: Person, draw: Draw, time_s: np.ndarray) -> np.ndarray:
-    """(N, 2) m, wished centre of pressure on the floor."""
-    heel, toe = (support.p_W[:2] for support in device_supports(person, draw, np.zeros(len(time_s)), time_s))
-    return heel + np.outer(roll_over(time_s / draw.stance_s, draw.roll_over), toe - heel)
 
 
 def _moment(now: ForwardSensitivity, spot: np.ndarray) -> np.ndarray:

@@ -1,33 +1,36 @@
 """From a fitted motion to what a laboratory would have recorded of it: coordinates and both feet's forces.
 
 The prosthetic foot's force is what the virtual prosthesis gives when driven by the coordinates *as written*: rounded,
-at 200 Hz, splined as `vsf_drake` splines them. The intact foot's force is inverse dynamics: what else it takes to move
-the whole person so, m (g + a_com) - F_prosthetic, while the intact foot is on the floor. Its centre of pressure is
-constructed (from heel to forefoot along the foot), its free moment zero.
+at 200 Hz, splined as `vsf_drake` splines them. The intact foot's is designed and then, together with the trunk's
+motion, fitted to what the prosthesis did to the body; the trunk's motion is closed by Newton's and Euler's equations.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from virtual_laboratory.motion import COORDINATES, Person
-from virtual_laboratory.placing import MARGIN_S, RATE_HZ, Attempt
-from virtual_laboratory.polish import FORCE_HZ, walk
-from virtual_laboratory.prosthesis import Prosthesis
-from virtual_laboratory.reaction import LOADED_ABOVE_N, Reaction
-from virtual_laboratory.supports import Support
-from virtual_laboratory.targets import Draw, roll_over
+from virtual_laboratory.balance import FUNCTIONS, PLATE, Wrench, ask_balance, triangle_mean
+from virtual_laboratory.body import HAT, PELVIS, SHANK
+from virtual_laboratory.closing import Trunk, close, missing
+from virtual_laboratory.fitting import Targets
+from virtual_laboratory.motion import COORDINATES, MOVING, TRUNK, Person, trunk_turn
+from virtual_laboratory.placing import RATE_HZ, Attempt, Stage, roughness, set_stage, standard_deviations
+from virtual_laboratory.polish import CLOSE_BALANCE, FORCE_HZ, limb_load
+from virtual_laboratory.prosthesis import Prosthesis, centre_of_pressure
+from virtual_laboratory.reaction import Reaction
+from virtual_laboratory.targets import Draw
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
+from vsf_drake.parameters import PELVIS_TRANSLATIONS
 
 DECIMALS = 7
 """Of what is written: 1e-7 m and 1e-7 degrees."""
-FADE_S = 0.04
-"""The intact foot's force fades in and out over this time, for the two feet never explain the motion to the newton."""
 MOVED_M = 0.5
 """How far ahead of the laboratory's origin the foot comes down."""
+CLOSING = 3
+"""Steps of the last fit, of trunk and intact plate alone."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,24 @@ class Foot:
 
 
 @dataclass(frozen=True)
+class Truth:
+    """What nobody records, at the n instants of the feet.
+
+    Attributes:
+        R_WB, p_WB: (n, S, 3, 3) and (n, S, 3) m, poses of `body.SEGMENTS`, the trunk's the last.
+        shift: (n, 3) m, of the trunk's lumbar joint from its place in the pelvis, along W's axes.
+        missing, lumped: what socket, plate and weight do not explain of the motion of the body above the socket;
+            lumped: if the trunk did not move in the pelvis.
+    """
+
+    R_WB: np.ndarray
+    p_WB: np.ndarray
+    shift: np.ndarray
+    missing: Wrench
+    lumped: Wrench
+
+
+@dataclass(frozen=True)
 class Recorded:
     """A trial as recorded; time starts at 0, the prosthetic foot strikes at MARGIN_S.
 
@@ -47,7 +68,6 @@ class Recorded:
         time_s: (N,) s, coordinates (N, 21) in m and degrees, rounded.
         force_time_s: (n,) s of the feet.
         reaction: all that the virtual prosthesis did.
-        unexplained_n: (n, 3) N, of the whole body's motion that neither foot explains.
     """
 
     draw: Draw
@@ -57,7 +77,7 @@ class Recorded:
     right: Foot
     left: Foot
     reaction: Reaction
-    unexplained_n: np.ndarray
+    truth: Truth
 
     @property
     def trajectory(self) -> CoordinateTrajectory:
@@ -75,33 +95,54 @@ def in_radians(q: np.ndarray) -> np.ndarray:
     return np.where(np.isin(COORDINATES, PELVIS_TRANSLATIONS), q, np.radians(q))
 
 
-def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, intact: list[Support]) -> Recorded:
-    """Rounds the motion as it will be written and measures both feet's forces."""
-    q = attempt.q + np.isin(COORDINATES, "pelvis_tx") * MOVED_M
-    time_s = np.arange(len(q)) / RATE_HZ
-    coordinates = in_degrees(q).round(DECIMALS)
+def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, stage: Stage) -> Recorded:
+    """Rounds the motion as it will be written, measures the prosthetic foot's force and closes the rest."""
+    every = FORCE_HZ // RATE_HZ
+    coordinates = in_degrees(attempt.q).round(DECIMALS)
     q = in_radians(coordinates)
-    instants = np.arange((len(q) - 1) * (FORCE_HZ // RATE_HZ) + 1) / FORCE_HZ
-    reaction = walk(person, prosthesis, time_s, q, instants)
-    right = Foot(reaction.force, reaction.cop, reaction.free_moment)
-    left, unexplained = _intact_foot(person, attempt.draw, time_s, q, instants, reaction.force, intact)
-    return Recorded(attempt.draw, time_s, coordinates, instants, right, left, reaction, unexplained)
+    instants = attempt.time_s[0] + np.arange((len(q) - 1) * every + 1) / FORCE_HZ
+    legs = person.leg_poses(CoordinateTrajectory(attempt.time_s, q, COORDINATES).sample(instants)[0])
+    R, p = legs[0][:, SHANK], legs[1][:, SHANK]
+    reaction = prosthesis.walk(instants, R, p)
+    load = limb_load(prosthesis, reaction, R, p)
+
+    # Trunk and intact plate, as smooth functions, to what the prosthesis really did.
+    u, c = attempt.u, attempt.c.copy()
+    u[:, :len(COORDINATES)] = q
+    sigma, active = standard_deviations(), slice(len(COORDINATES), None)
+    seen = Wrench(triangle_mean(load.force, every), triangle_mean(load.moment, every))
+    for _ in range(CLOSING):
+        targets = Targets(attempt.splines, FUNCTIONS)
+        targets.values(attempt.base - u, sigma)
+        targets.smooth(c, roughness())
+        ask_balance(targets, person.linearise(u[:, :MOVING]), stage.points, 1.0 / RATE_HZ, seen, stage.plate,
+                    u[:, MOVING:], CLOSE_BALANCE)
+        change = targets.solve(active)
+        c += change
+        u += attempt.splines.values @ change.T
+    smooth = CoordinateTrajectory(attempt.time_s, u[:, active], TRUNK + PLATE).sample(instants)[0]
+
+    plate = set_stage(person, attempt.draw, prosthesis, instants).plate.wrench(smooth[:, len(TRUNK):])
+    acting = Wrench(load.force + plate.force, load.moment + plate.moment)
+    near = person.with_trunk(*legs, trunk_turn(smooth[:, 3:6]).as_matrix(), smooth[:, :3])
+    trunk = close(instants, stage.points, *legs, acting, Trunk(near[0][:, HAT], near[1][:, HAT]))
+    poses = tuple(np.concatenate([leg, own[:, None]], axis=1)
+                  for leg, own in zip(legs, (trunk.R_WH, trunk.p_WL), strict=True))
+    shift = trunk.p_WL - legs[1][:, PELVIS] - legs[0][:, PELVIS] @ person.p_PL
+    turned = Rotation.from_matrix(legs[0][:, PELVIS].transpose(0, 2, 1) @ trunk.R_WH).mean().as_matrix()
+    lumped = person.with_trunk(*legs, legs[0][:, PELVIS] @ turned, np.zeros_like(shift))
+    truth = Truth(*poses, shift, missing(instants, stage.points, *poses, acting),
+                  missing(instants, stage.points, *lumped, acting))
+    return _written(attempt.draw, coordinates, instants - instants[0], reaction, plate, truth)
 
 
-def _intact_foot(person: Person, draw: Draw, time_s: np.ndarray, q: np.ndarray, instants: np.ndarray,
-                 prosthetic_n: np.ndarray, intact: list[Support]) -> tuple[Foot, np.ndarray]:
-    path = CoordinateTrajectory(time_s, person.centre_of_mass(q), ("x", "y", "z"))
-    acceleration = path.sample(instants)[2]
-    needed = person.subject.mass_kg * (acceleration + np.array([0.0, 0.0, GRAVITY])) - prosthetic_n
-    after = instants - MARGIN_S
-    into, out = (after - draw.intact_strike_s) / FADE_S, (draw.intact_lift_s - after) / FADE_S
-    share = np.clip(np.maximum(into, out), 0.0, 1.0)
-    force = needed * (share**2 * (3.0 - 2.0 * share))[:, None]
-    force *= (force[:, 2:] > 0.0)
-    cop = np.full(force.shape, np.nan)
-    for start, (heel, toe) in ((draw.intact_strike_s - draw.stride_s, intact[:2]), (draw.intact_strike_s, intact[2:])):
-        part = (after - start) / (draw.intact_duty * draw.stride_s)
-        rows = (part >= 0.0) & (part <= 1.0) & (force[:, 2] > LOADED_ABOVE_N)
-        along = roll_over(part[rows])[:, None]
-        cop[rows] = heel.p_W + [MOVED_M, 0.0, 0.0] + along * (toe.p_W - heel.p_W)
-    return Foot(force, cop, np.where(np.isfinite(cop[:, 0]), 0.0, np.nan)), needed - force
+def _written(draw: Draw, coordinates: np.ndarray, force_time_s: np.ndarray, reaction: Reaction, plate: Wrench,
+             truth: Truth) -> Recorded:
+    """Everything MOVED_M ahead, from time zero on."""
+    ahead = np.array([MOVED_M, 0.0, 0.0])
+    cop, free_moment = centre_of_pressure(plate.force, plate.moment)
+    return Recorded(
+        draw, np.arange(len(coordinates)) / RATE_HZ, coordinates + MOVED_M * np.isin(COORDINATES, "pelvis_tx"),
+        force_time_s, Foot(reaction.force, reaction.cop + ahead, reaction.free_moment),
+        Foot(plate.force, cop + ahead, free_moment), replace(reaction, time_s=force_time_s, cop=reaction.cop + ahead),
+        replace(truth, p_WB=truth.p_WB + ahead))

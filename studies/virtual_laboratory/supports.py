@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from virtual_laboratory.fitting import Targets
-from virtual_laboratory.motion import DEVICE, INTACT_FOOT, Linearised, Person
+from virtual_laboratory.body import DEVICE, INTACT_FOOT
+from virtual_laboratory.motion import Linearised, Person
 from virtual_laboratory.targets import Draw, roll_over
 
 DEVICE_HEEL_M, DEVICE_FOREFOOT_M = 0.018, 0.195
@@ -53,19 +54,22 @@ def _shares(draw_delay: float, part: np.ndarray, load_n: np.ndarray) -> tuple[np
 
 
 def device_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.ndarray) -> list[Support]:
-    """The prosthesis's, the heel at x = 0, the middle half a step width to the right; turned out."""
-    heel_n, toe_n = _shares(draw.roll_over, time_s / draw.stance_s, load_n)
+    """The prosthesis's in its stance and in the next, a stride apart; the first heel at x = 0, the middle half a step
+    width to the right; turned out."""
     lever = DEVICE_FOREFOOT_M - person.model.foot.pylon_x_m
     toe_stiffness = 1.0 / (1.0 / FOREFOOT_N_PER_M[draw.condition] + lever**2 / SOCKET_NM_PER_RAD)
-    pressed = load_n / SOCKET_N_PER_M
     found = []
     turn = np.radians(draw.toe_out_deg)
-    for x, load, stiffness in ((DEVICE_HEEL_M, heel_n, HEEL_N_PER_M), (DEVICE_FOREFOOT_M, toe_n, toe_stiffness)):
-        p_B = np.column_stack([np.full(len(load), x), np.zeros(len(load)),
-                               person.sole_height + load / stiffness + pressed])
-        along, ahead = x - DEVICE_HEEL_M, x - 0.5 * (DEVICE_HEEL_M + DEVICE_FOREFOOT_M)
-        p_W = np.array([along * np.cos(turn), -0.5 * draw.step_width_m - ahead * np.sin(turn), 0.0])
-        found.append(Support(DEVICE, p_B, p_W, load))
+    for strike_s in (0.0, draw.stride_s):
+        on = np.where(np.abs(time_s - strike_s - 0.5 * draw.stance_s) < 0.5 * draw.stride_s, load_n, 0.0)
+        heel_n, toe_n = _shares(draw.roll_over, (time_s - strike_s) / draw.stance_s, on)
+        for x, load, stiffness in ((DEVICE_HEEL_M, heel_n, HEEL_N_PER_M), (DEVICE_FOREFOOT_M, toe_n, toe_stiffness)):
+            p_B = np.column_stack([np.full(len(load), x), np.zeros(len(load)),
+                                   person.sole_height + load / stiffness + on / SOCKET_N_PER_M])
+            along, ahead = x - DEVICE_HEEL_M, x - 0.5 * (DEVICE_HEEL_M + DEVICE_FOREFOOT_M)
+            p_W = np.array([draw.speed_m_per_s * strike_s + along * np.cos(turn),
+                            -0.5 * draw.step_width_m - ahead * np.sin(turn), 0.0])
+            found.append(Support(DEVICE, p_B, p_W, load))
     return found
 
 
@@ -88,3 +92,15 @@ def intact_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
                             0.5 * draw.step_width_m + ahead * np.sin(turn), 0.0])
             found.append(Support(INTACT_FOOT, p_B, p_W, load))
     return found
+
+
+def target_centre(person: Person, draw: Draw, time_s: np.ndarray) -> np.ndarray:
+    """(N, 2) m, wished centre of pressure of the prosthesis on the floor; in swing it moves on to the next stance."""
+    rest = device_supports(person, draw, np.zeros(len(time_s)), time_s)
+    paths = []
+    for strike_s, heel, toe in ((0.0, *rest[:2]), (draw.stride_s, *rest[2:])):
+        along = roll_over((time_s - strike_s) / draw.stance_s, draw.roll_over)
+        paths.append(heel.p_W[:2] + np.outer(along, (toe.p_W - heel.p_W)[:2]))
+    x = np.clip((time_s - draw.stance_s) / (draw.stride_s - draw.stance_s), 0.0, 1.0)
+    share = (x**3 * (10.0 - 15.0 * x + 6.0 * x**2))[:, None]
+    return np.asarray((1.0 - share) * paths[0] + share * paths[1])

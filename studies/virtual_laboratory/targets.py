@@ -153,14 +153,16 @@ def _curve(part: np.ndarray, points: list[tuple[float, float]]) -> np.ndarray:
     return np.where((part > 0.0) & (part < 1.0), make_interp_spline(x, y, bc_type=level)(np.clip(part, 0.0, 1.0)), 0.0)
 
 
-def prosthetic_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
+def prosthetic_force(draw: Draw, time_s: np.ndarray, span: tuple[float, float] | None = None) -> np.ndarray:
     """(n, 3) in body weights in W: forward, left, up; what the fit aims at, not what comes out.
 
-    Vertically more than LOADED_BW from 0 to `draw.stance_s`.
+    Vertically more than LOADED_BW from `span[0]` to `span[1]` (s; of the stance if None), and so again every stride.
     """
+    start, end = span or (0.0, draw.stance_s)
     fine = np.linspace(0.0, 1.0, 4001)
     loaded = fine[_prosthetic_shape(draw, fine)[:, 2] > LOADED_BW]
-    return _prosthetic_shape(draw, loaded[0] + time_s / draw.stance_s * (loaded[-1] - loaded[0]))
+    part = (time_s[None] - start - draw.stride_s * np.arange(-1, 3)[:, None]) / (end - start)
+    return sum(_prosthetic_shape(draw, loaded[0] + row * (loaded[-1] - loaded[0])) for row in part)
 
 
 def _prosthetic_shape(d: Draw, part: np.ndarray) -> np.ndarray:
@@ -190,7 +192,7 @@ def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
     """
     d = draw
     length = d.intact_duty * d.stride_s
-    fine = np.linspace(-0.1, d.stance_s + 0.1, 2001)
+    fine = np.linspace(-0.1, d.stride_s - 0.1, 2001)
     means = np.trapezoid(prosthetic_force(d, fine), fine, axis=0) / d.stride_s
     part = np.linspace(0.0, 1.0, 1001)
 
