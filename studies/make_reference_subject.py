@@ -18,7 +18,7 @@ from virtual_laboratory.bench_truth import write_bench, write_bench_curves
 from virtual_laboratory.figures import null_error, stance_curve, trial_figures
 from virtual_laboratory.markers import write_standing, write_walk
 from virtual_laboratory.motion import Person, base_motion
-from virtual_laboratory.placing import place, start
+from virtual_laboratory.placing import place, set_stage, start
 from virtual_laboratory.polish import polish
 from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.recording import Recorded, in_radians, record
@@ -32,7 +32,7 @@ from vsf_drake.schema import load_yaml
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "reference_subject"
 SEED = 1
-STEPS, QUICK_STEPS = 12, 3
+STEPS, QUICK_STEPS = 8, 3
 """How often the motion is corrected by what the virtual prosthesis carries."""
 
 
@@ -79,9 +79,10 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
 def walk_trial(person: Person, prosthesis: Prosthesis, draw: Draw, steps: int) -> Recorded:
     """One trial from its draw to its recording."""
     attempt = start(draw, base_motion)
-    device, intact = place(person, attempt)
-    polish(person, attempt, prosthesis, device, intact, steps)
-    return record(person, prosthesis, attempt, intact)
+    stage = set_stage(person, draw, prosthesis, attempt.time_s)
+    place(person, attempt, stage)
+    polish(person, attempt, prosthesis, stage, steps)
+    return record(person, prosthesis, attempt, stage)
 
 
 if __name__ == "__main__":

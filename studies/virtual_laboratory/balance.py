@@ -93,7 +93,11 @@ def ask_balance(targets: Targets, body: Linearised, points: MassPoints, step_s: 
 
 
 def triangle_mean(values: np.ndarray, every: int) -> np.ndarray:
-    """Every `every`-th of the rows `values` (n, m), each the mean over its neighbours with a triangle's weights."""
-    weights = np.concatenate([np.arange(1, every + 1), np.arange(every - 1, 0, -1)]) / every**2
-    padded = np.concatenate([np.repeat(values[:1], every - 1, axis=0), values, np.repeat(values[-1:], every - 1, axis=0)])
+    """Every `every`-th of the rows `values` (n, m), each the mean over its neighbours with a triangle's weights.
+
+    A row of `values` is the mean over the time since the row before.
+    """
+    rising = (np.arange(every) + 0.5) / every**2
+    weights = np.concatenate([rising, rising[::-1]])
+    padded = np.concatenate([np.repeat(values[:1], every - 1, axis=0), values, np.repeat(values[-1:], every, axis=0)])
     return np.column_stack([np.convolve(column, weights, mode="valid") for column in padded.T])[::every]

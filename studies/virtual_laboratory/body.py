@@ -67,7 +67,7 @@ def _six(segment: int, mass: float, centre: np.ndarray, radii: tuple[float, floa
 
 
 def body_points(person: PersonHandles, intact_foot: IntactFootParameters, prosthesis_kg: float) -> MassPoints:
-    """Of everything but the prosthesis, whose mass is part of the subject's; the frame of "hat" is at the lumbar joint."""
+    """Of all but the prosthesis, whose mass is part of the subject's; the frame of "hat" is at the lumbar joint."""
     subject, body = person.subject, person.body
     mass, residual = subject.mass_kg, body.residual_length / body.shank_length
 
@@ -79,7 +79,7 @@ def body_points(person: PersonHandles, intact_foot: IntactFootParameters, prosth
     ball = np.array([(METATARSAL - intact_foot.ankle_x_ratio) * body.foot_length, 0.0, -body.ankle_height])
     foot = FOOT_RADIUS * float(np.linalg.norm(ball))
     parts = [
-        _six(PELVIS, PELVIS_MASS * mass, hips + [0.0, 0.0, PELVIS_UP_M], (PELVIS_RADIUS_M,) * 3),
+        _six(PELVIS, PELVIS_MASS * mass, hips + np.array([0.0, 0.0, PELVIS_UP_M]), (PELVIS_RADIUS_M,) * 3),
         limb("thigh_right", THIGH_MASS, body.prosthetic_thigh_length, THIGH_RADIUS, THIGH_ROUND),
         limb("thigh_left", THIGH_MASS, body.thigh_length, THIGH_RADIUS, THIGH_ROUND),
         limb("shank_right", SHANK_MASS * residual, body.residual_length, SHANK_RADIUS, SHANK_ROUND / residual),

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from virtual_laboratory.balance import Wrench
 from virtual_laboratory.body import HAT, MassPoints
 from virtual_laboratory.laws import rotation_matrix
+from virtual_laboratory.reaction import Reaction
 from vsf_drake.parameters import GRAVITY
 
 STARTS = 4
@@ -39,7 +40,8 @@ def close(time_s: np.ndarray, points: MassPoints, R_WB: np.ndarray, p_WB: np.nda
 
     Args:
         time_s: (n,) s, evenly spaced.
-        points: of the whole body that `acting`, all but its weight, acts on; the trunk's have the segment HAT.
+        points: of the whole body that `acting`, all but its weight, acts on; the trunk's have the segment HAT. Rows of
+            `acting` are means over the time since the row before.
         R_WB, p_WB: (n, S, 3, 3) and (n, S, 3) m, poses of the other segments.
     """
     own = points.segment == HAT
@@ -52,22 +54,25 @@ def close(time_s: np.ndarray, points: MassPoints, R_WB: np.ndarray, p_WB: np.nda
     # The centres of mass, of everything and of the trunk.
     path = CubicSpline(time_s, rest.places(R_WB, p_WB))
     x, v = path(time_s), path(time_s, 1)
-    rate = CubicSpline(time_s, acting.force / mass + WEIGHT)
-    far = rate.antiderivative(2)(time_s)
+    step_s, force = float(time_s[1] - time_s[0]), acting.force + mass * WEIGHT
+    force[0] = 0.0
+    fast = step_s / mass * np.cumsum(force, axis=0)
+    far = step_s * (np.cumsum(fast, axis=0) - 0.5 * (fast + fast[0]))
     wished = mass * far - np.einsum("p,npi->ni", rest.mass, x) - trunk_kg * (
         near.p_WL + near.R_WH @ centre_H)
     start = np.linalg.lstsq(_line(time_s), -wished / mass, rcond=None)[0]
-    body_x, body_v = far + _line(time_s) @ start, rate.antiderivative(1)(time_s) + start[1]
+    body_x, body_v = far + _line(time_s) @ start, fast + start[1]
     trunk_x = (mass * body_x - np.einsum("p,npi->ni", rest.mass, x)) / trunk_kg
     trunk_v = (mass * body_v - np.einsum("p,npi->ni", rest.mass, v)) / trunk_kg
 
     # Angular momentum about the body's centre of mass: all of it, and what the trunk must have about its own.
-    moment = acting.moment - np.cross(body_x, acting.force)
-    spin = CubicSpline(time_s, moment).antiderivative(1)(time_s)
+    moment = np.zeros_like(force)
+    moment[1:] = acting.moment[1:] - np.cross(0.5 * (body_x[1:] + body_x[:-1]), acting.force[1:])
+    spin = step_s * np.cumsum(moment, axis=0)
     spin -= np.einsum("p,npi->ni", rest.mass, np.cross(x - body_x[:, None], v - body_v[:, None]))
     spin -= trunk_kg * np.cross(trunk_x - body_x, trunk_v - body_v)
     turned = Rotation.from_matrix(near.R_WH)
-    R, step_s = near.R_WH[0], float(time_s[1] - time_s[0])
+    R = near.R_WH[0]
     first = R @ inertia @ R.T @ (turned[1] * turned[0].inv()).as_rotvec() / step_s - spin[0]
     for _ in range(STARTS):
         R_WH = _turn(np.ascontiguousarray(R), spin + first, inertia, step_s)
@@ -96,15 +101,30 @@ def _turn(R: np.ndarray, spin: np.ndarray, inertia: np.ndarray, step_s: float) -
     return found
 
 
-def missing(time_s: np.ndarray, points: MassPoints, R_WB: np.ndarray, p_WB: np.ndarray, acting: Wrench) -> Wrench:
-    """What `acting` and weight do not explain of the mass points' motion, from nothing but their places: force (N) and
-    moment (N m) about the whole body's centre of mass, by second differences; zero at both ends."""
-    places, step_s = points.places(R_WB, p_WB), time_s[1] - time_s[0]
-    moving = np.zeros_like(places)
-    moving[1:-1] = (places[2:] - 2.0 * places[1:-1] + places[:-2]) / step_s**2
-    centre = points.mass @ places / points.mass.sum()
-    force = points.mass @ moving - acting.force - points.mass.sum() * WEIGHT
-    moment = np.einsum("p,npi->ni", points.mass, np.cross(places - centre[:, None], moving))
-    moment = moment - acting.moment + np.cross(centre, acting.force)
-    force[[0, -1]], moment[[0, -1]] = 0.0, 0.0
-    return Wrench(force, moment)
+def missing(reaction: Reaction, intact: Wrench, points: MassPoints, R_WB: np.ndarray, p_WB: np.ndarray) -> Wrench:
+    """What both plates and weight do not explain of the whole person's motion: force (N) and moment (N m) about the
+    whole body's centre of mass, (n, 3); zero at both ends.
+
+    From second differences of the mass points' places and the prosthesis's own momenta, for the mean force over the
+    samples before and after each instant.
+
+    Args:
+        reaction: of the prosthesis; intact: the other foot's plate, each row the mean since the row before.
+        points, R_WB, p_WB: of the body without its prosthesis, poses (n, S, ...) of all segments.
+    """
+    time_s, places = reaction.time_s, points.places(R_WB, p_WB)
+    step_s, mass = time_s[1] - time_s[0], points.mass.sum() + reaction.mass_kg
+    accelerated = (places[2:] - 2.0 * places[1:-1] + places[:-2]) / step_s**2
+    centre = (points.mass @ places + reaction.mass_kg * reaction.com) / mass
+    lever = (places - centre[:, None])[1:-1]
+    found = []
+    for total, carried, own in (
+            (points.mass @ accelerated, reaction.force + intact.force, reaction.linear_momentum),
+            (np.einsum("p,npi->ni", points.mass, np.cross(lever, accelerated)), reaction.moment + intact.moment,
+             reaction.angular_momentum)):
+        found.append(total + (own[2:] - own[:-2]) / (2.0 * step_s) - 0.5 * (carried[1:-1] + carried[2:]))
+    about = (reaction.linear_momentum[2:] - reaction.linear_momentum[:-2]) / (2.0 * step_s)
+    carried = reaction.force + intact.force
+    moment = found[1] - np.cross(centre[1:-1], about - 0.5 * (carried[1:-1] + carried[2:]))
+    ends = ((1, 1), (0, 0))
+    return Wrench(np.pad(found[0] - mass * WEIGHT, ends), np.pad(moment, ends))

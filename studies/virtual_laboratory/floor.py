@@ -15,8 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from virtual_laboratory.motion import COORDINATES, Person
-from virtual_laboratory.polish import FORCE_HZ
-from virtual_laboratory.polish import walk as walk_prosthesis
+from virtual_laboratory.polish import FORCE_HZ, shank_poses
 from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.recording import Recorded, in_radians
 from virtual_laboratory.session import Session, foot_in_shank
@@ -90,7 +89,7 @@ def virtual_walk(trial: Trial, trajectory: CoordinateTrajectory | None = None) -
     began = time.perf_counter()
     instants = trial.start_s + np.arange(int((trial.end_s - trial.start_s) * FORCE_HZ + 1e-6) + 1) / FORCE_HZ
     person, prosthesis = Person(trial.subject, trial.model), prosthesis_of(trial.subject, trial.fulcrum_m)
-    reaction = walk_prosthesis(person, prosthesis, path.time_s, path.values, instants)
+    reaction = prosthesis.walk(instants, *shank_poses(person, path.time_s, path.values, instants))
     return VirtualWalk(
         time_s=instants, grf_W=reaction.force, cop_W=reaction.cop, trajectory=path, trial_name=trial.name,
         synthetic=trial.synthetic, subject_mass_kg=trial.subject.mass_kg, foot_length_m=trial.model.foot.length_m,
@@ -163,8 +162,8 @@ def session_floor(prosthesis: Prosthesis, session: Session, trial: Recorded, tie
     # A true shank S such that the foot's place P is where the written one, S', has it: X_WS = X_WS' X_S'P X_PS.
     X_FS = foot_in_shank(session.written) @ foot_in_shank(session.person).inverse()
     R_FS, p_FS = X_FS.rotation().matrix(), X_FS.translation()
-    reaction = walk_prosthesis(Person(session.written, default_model()), prosthesis, path.time_s, path.values,
-                               trial.force_time_s, lambda R, p: (R @ R_FS, p + R @ p_FS))
+    R, p = shank_poses(Person(session.written, default_model()), path.time_s, path.values, trial.force_time_s)
+    reaction = prosthesis.walk(trial.force_time_s, R @ R_FS, p + R @ p_FS)
     walk = VirtualWalk(
         time_s=trial.force_time_s, grf_W=reaction.force, cop_W=reaction.cop, trajectory=path, synthetic=True,
         trial_name=trial.draw.name, subject_mass_kg=session.person.mass_kg,

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from virtual_laboratory.motion import COORDINATES, SEGMENTS, Person
+from virtual_laboratory.body import SEGMENTS
+from virtual_laboratory.motion import COORDINATES, Person
 from virtual_laboratory.placing import RATE_HZ
 from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.trc import write_trc
@@ -62,7 +63,7 @@ def marker_places(person: Person) -> Places:
 
 def follow(person: Person, q: np.ndarray) -> dict[str, np.ndarray]:
     """(N, 3) m in W by label for coordinates q (N, 21) in m and rad."""
-    R_WB, p_WB = person.poses(q)
+    R_WB, p_WB = person.leg_poses(q)
     found = {}
     for label, (segment, place) in marker_places(person).items():
         i = SEGMENTS.index(segment)

@@ -28,10 +28,12 @@ from vsf_drake.parameters import GRAVITY
 
 FORCE_HZ = 1000
 """Of the forces."""
-STIFFNESS_EVERY = 5
-"""Steps between two measurements of how the force answers to the shank's pose."""
-RETIMED = (4, 7, 9)
+MEASURED = (0, 2, 5)
+"""Steps in which it is measured how the force answers to the shank's pose."""
+RETIMED = (4, 6)
 """Steps after which the wished force begins and ends as much earlier as the achieved one was late, and conversely."""
+COARSE_S, FINE_STEPS = 1e-3, 2
+"""Time step of the virtual walks but in the last steps."""
 BALANCING, HELD_M, HELD_RAD = 4, 1e-5, 2e-5
 """Steps at the end that balance the body with what the prosthesis carries, and what the shank may move in them."""
 CLOSE_BALANCE = (1.0, 0.2)
@@ -42,7 +44,7 @@ SHEAR_N_PER_M, SOFTEST_N_PER_M = 15e3, 8e3
 PROBE_M, PROBE_RAD = 1e-3, 0.005
 FORCE_N, SHEAR_N, CENTRE_M = 6.0, 4.0, 0.012
 """Tolerated: vertical and horizontal force, place of the centre of pressure."""
-LARGEST_N, LOADED_N, RELAXATION = 250.0, 20.0, 0.7
+LARGEST_N, LOADED_N, RELAXATION = 1000.0, 20.0, 0.7
 """Largest error that is corrected at once; load that counts; share of the error that is corrected."""
 
 Moved = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -94,12 +96,14 @@ def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stag
     targeted = weight * prosthetic_force(attempt.draw, attempt.time_s)
     span = np.array([0.0, attempt.draw.stance_s])
     spot = target_centre(person, attempt.draw, attempt.time_s)
+    fine_s = prosthesis.step_s
     for k in range(steps):
+        prosthesis.step_s = fine_s if k >= steps - FINE_STEPS else max(fine_s, COARSE_S)
         now = forward(person, prosthesis, attempt)
         if k in RETIMED:
             span += np.clip([0.0, attempt.draw.stance_s] - _loaded_span(attempt.time_s, now.force[:, 2]), -0.01, 0.01)
             targeted = weight * prosthetic_force(attempt.draw, attempt.time_s, (span[0], span[1]))
-        if k % STIFFNESS_EVERY == 0:
+        if k in MEASURED:
             K = _stiffness(person, prosthesis, attempt, now, spot)
         body = person.linearise(attempt.u[:, :MOVING])
         targets = common_targets(person, attempt, stage, body, *wished_balance(person, attempt, stage, targeted))
@@ -108,6 +112,7 @@ def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stag
         for heel, strike_s in ((stage.device[0], 0.0), (stage.device[2], attempt.draw.stride_s)):
             _strike(targets, body, heel, attempt.time_s - strike_s)
         attempt.c += targets.solve()
+    prosthesis.step_s = fine_s
     _balance(person, attempt, stage, forward(person, prosthesis, attempt).load)
 
 

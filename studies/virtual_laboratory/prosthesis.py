@@ -84,6 +84,7 @@ class Prosthesis:
         cop, free_moment = centre_of_pressure(measured[:, :3], measured[:, 3:6])
         return Reaction(
             time_s=time.copy(), force=measured[:, :3].copy(), cop=cop, free_moment=free_moment,
+            moment=measured[:, 3:6].copy(),
             slip_speed=measured[:, 7].copy(), socket_load=load, clearance=measured[:, 6].copy(),
             mass_kg=self.mass_kg, com=momentum[:, 6:].copy(), linear_momentum=momentum[:, :3].copy(),
             angular_momentum=momentum[:, 3:6].copy(), unconverged=int(unconverged))

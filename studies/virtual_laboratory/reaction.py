@@ -23,6 +23,7 @@ class Reaction:
         force: (n, 3) N, of the ground on the foot.
         cop: (n, 3) m, centre of pressure on z = 0; NaN where the vertical force is below 20 N.
         free_moment: (n,) N m, about the vertical through the centre of pressure, on the foot; NaN as `cop`.
+        moment: (n, 3) N m, of the ground on the foot about W's origin.
         slip_speed: (n,) m/s, speed of the sole's contact with the ground past its anchors, mean weighted by the
             normal force of each point; zero where the sole sticks or is in the air.
         socket_load: (n, 6) N and N m, action of the socket on the shank at the end of the residual limb, in the
@@ -38,6 +39,7 @@ class Reaction:
     force: np.ndarray
     cop: np.ndarray
     free_moment: np.ndarray
+    moment: np.ndarray
     slip_speed: np.ndarray
     socket_load: np.ndarray
     clearance: np.ndarray

@@ -49,7 +49,7 @@ class Truth:
     Attributes:
         R_WB, p_WB: (n, S, 3, 3) and (n, S, 3) m, poses of `body.SEGMENTS`, the trunk's the last.
         shift: (n, 3) m, of the trunk's lumbar joint from its place in the pelvis, along W's axes.
-        missing, lumped: what socket, plate and weight do not explain of the motion of the body above the socket;
+        missing, lumped: what both plates and weight do not explain of the whole person's motion (`closing.missing`);
             lumped: if the trunk did not move in the pelvis.
     """
 
@@ -120,9 +120,10 @@ def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, stage: Stag
         change = targets.solve(active)
         c += change
         u += attempt.splines.values @ change.T
-    smooth = CoordinateTrajectory(attempt.time_s, u[:, active], TRUNK + PLATE).sample(instants)[0]
+    between = np.maximum(instants - 0.5 / FORCE_HZ, instants[0])  # as the prosthesis's: mean over the last step
+    smooth = CoordinateTrajectory(attempt.time_s, u[:, active], TRUNK + PLATE).sample(between)[0]
 
-    plate = set_stage(person, attempt.draw, prosthesis, instants).plate.wrench(smooth[:, len(TRUNK):])
+    plate = set_stage(person, attempt.draw, prosthesis, between).plate.wrench(smooth[:, len(TRUNK):])
     acting = Wrench(load.force + plate.force, load.moment + plate.moment)
     near = person.with_trunk(*legs, trunk_turn(smooth[:, 3:6]).as_matrix(), smooth[:, :3])
     trunk = close(instants, stage.points, *legs, acting, Trunk(near[0][:, HAT], near[1][:, HAT]))
@@ -131,8 +132,8 @@ def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, stage: Stag
     shift = trunk.p_WL - legs[1][:, PELVIS] - legs[0][:, PELVIS] @ person.p_PL
     turned = Rotation.from_matrix(legs[0][:, PELVIS].transpose(0, 2, 1) @ trunk.R_WH).mean().as_matrix()
     lumped = person.with_trunk(*legs, legs[0][:, PELVIS] @ turned, np.zeros_like(shift))
-    truth = Truth(*poses, shift, missing(instants, stage.points, *poses, acting),
-                  missing(instants, stage.points, *lumped, acting))
+    truth = Truth(*poses, shift, missing(reaction, plate, stage.points, *poses),
+                  missing(reaction, plate, stage.points, *lumped))
     return _written(attempt.draw, coordinates, instants - instants[0], reaction, plate, truth)
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_laboratory.fitting import Targets
 from virtual_laboratory.body import DEVICE, INTACT_FOOT
+from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import Linearised, Person
 from virtual_laboratory.targets import Draw, roll_over
 
@@ -64,8 +64,9 @@ def device_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
         on = np.where(np.abs(time_s - strike_s - 0.5 * draw.stance_s) < 0.5 * draw.stride_s, load_n, 0.0)
         heel_n, toe_n = _shares(draw.roll_over, (time_s - strike_s) / draw.stance_s, on)
         for x, load, stiffness in ((DEVICE_HEEL_M, heel_n, HEEL_N_PER_M), (DEVICE_FOREFOOT_M, toe_n, toe_stiffness)):
+            sunk = load**2 / np.maximum(on, 1.0) / stiffness  # less between the two, where the keel is held
             p_B = np.column_stack([np.full(len(load), x), np.zeros(len(load)),
-                                   person.sole_height + load / stiffness + on / SOCKET_N_PER_M])
+                                   person.sole_height + sunk + on / SOCKET_N_PER_M])
             along, ahead = x - DEVICE_HEEL_M, x - 0.5 * (DEVICE_HEEL_M + DEVICE_FOREFOOT_M)
             p_W = np.array([draw.speed_m_per_s * strike_s + along * np.cos(turn),
                             -0.5 * draw.step_width_m - ahead * np.sin(turn), 0.0])

@@ -123,9 +123,10 @@ def write_readme(folder: Path, figures: dict[str, dict[str, float]], null: dict[
              "propulsion_bw": ("propulsion %BW", 100, 1), "medial_peak_bw": ("medial %BW", 100, 1),
              "cop_travel_mm": ("CoP travel mm", 1, 0), "swing_clearance_mm": ("clearance mm", 1, 1),
              "slip_flat_mm": ("slip mm", 1, 1), "knee_loading_deg": ("knee, loading °", 1, 1),
-             "step_width_mm": ("step width mm", 1, 0), "intact_peak_bw": ("intact peak %BW", 100, 1),
-             "unexplained_vertical_bw": ("unexplained, vertical %BW", 100, 1),
-             "unexplained_fore_aft_bw": ("fore-aft %BW", 100, 1)}
+             "step_width_mm": ("step width mm", 1, 0), "intact_first_peak_bw": ("intact peak 1 %BW", 100, 1),
+             "intact_second_peak_bw": ("intact peak 2 %BW", 100, 1),
+             "residual_force_bw": ("unexplained %BW", 100, 4), "lumped_force_rms_bw": ("trunk lumped %BW", 100, 1),
+             "trunk_shift_rms_mm": ("trunk's shift mm", 1, 1)}
     achieved = {trial: [f"{scale * row[key]:.{digits}f}" for key, (_, scale, digits) in shown.items()]
                 for trial, row in figures.items()}
     stretched = {one: [f"{100 * error:.1f}" if other != one else "-" for other, error in row.items()]
