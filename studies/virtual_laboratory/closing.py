@@ -21,8 +21,8 @@ from virtual_laboratory.laws import rotation_matrix
 from virtual_laboratory.reaction import Reaction
 from vsf_drake.parameters import GRAVITY
 
-STARTS = 4
-"""How often the trunk's start is corrected by where this led; after three nothing changes any more."""
+STARTS = 12
+"""How often the trunk's start is corrected by where this led."""
 WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 

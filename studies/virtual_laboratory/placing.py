@@ -25,7 +25,7 @@ RATE_HZ = 200
 """Of the kinematics."""
 MARGIN_S, AFTER_S = 0.34, 0.12
 """Recorded before the prosthetic foot's strike, and after the end of the intact foot's next stance."""
-PLACING = 8
+PLACING = 5
 """Steps of the fit."""
 STANDARD = {"pelvis_tx": 0.015, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_tilt": 0.02, "pelvis_list": 0.025,
             "pelvis_rotation": 0.03, "hip_flexion": 0.09, "hip_adduction": 0.035, "hip_rotation": 0.06,

@@ -1,0 +1,144 @@
+"""The virtual laboratory's walking person obeys Newton and Euler: closed forms, and a walk made coarsely."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from make_reference_subject import SEED, walk_trial
+from scipy.spatial.transform import Rotation
+from virtual_laboratory.balance import Wrench, triangle_mean
+from virtual_laboratory.body import HAT, PELVIS, SEGMENTS, MassPoints, body_points
+from virtual_laboratory.closing import Trunk, close, missing
+from virtual_laboratory.figures import trial_figures
+from virtual_laboratory.motion import Person
+from virtual_laboratory.prosthesis import prosthesis_of
+from virtual_laboratory.reaction import Reaction
+from virtual_laboratory.targets import draw_trials
+
+from vsf_drake.motion.trial import default_model
+from vsf_drake.parameters import GRAVITY, Subject
+
+SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
+WEIGHT_N = SUBJECT.mass_kg * GRAVITY
+TIME = np.arange(0.0, 1.0, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def person():
+    return Person(SUBJECT, default_model())
+
+
+@pytest.fixture(scope="module")
+def walked(person):
+    draw = draw_trials(SEED)[0]
+    return walk_trial(person, prosthesis_of(SUBJECT, draw.fulcrum_m), draw, 2)
+
+
+def points(mass: float, radii: tuple[float, float, float]) -> MassPoints:
+    """Two on each axis, `radii` (m) from the origin, of the trunk, and an almost massless pelvis."""
+    p_B = np.concatenate([np.diag(radii), -np.diag(radii), np.zeros((1, 3))])
+    return MassPoints(np.array([HAT] * 6 + [PELVIS]), p_B, np.array([mass / 6] * 6 + [1e-9]))
+
+
+def at_rest(time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.tile(np.eye(3), (len(time_s), HAT, 1, 1)), np.zeros((len(time_s), HAT, 3))
+
+
+def nothing(time_s: np.ndarray) -> Wrench:
+    return Wrench(np.zeros((len(time_s), 3)), np.zeros((len(time_s), 3)))
+
+
+def test_a_thrown_trunk_falls_on_a_parabola_and_a_symmetric_one_precesses_at_the_rate_of_a_free_top():
+    """Free top, transverse moment A, axial C: its axis goes round the angular momentum L at L / A."""
+    body = points(6.0, (0.3, 0.3, 0.1))
+    squares = np.square([0.3, 0.3, 0.1])
+    across, axial = 2.0 * (squares[1] + squares[2]), 2.0 * (squares[0] + squares[1])
+    tilt, spin = 0.2, 3.0
+    momentum = axial * spin / np.cos(tilt)
+    turn = momentum / across
+    own = (1.0 - axial / across) * momentum * np.cos(tilt) / axial
+    truth = (Rotation.from_rotvec(np.outer(turn * TIME, [0.0, 0.0, 1.0])) * Rotation.from_rotvec([tilt, 0.0, 0.0])
+             * Rotation.from_rotvec(np.outer(own * TIME, [0.0, 0.0, 1.0])))
+    place = np.array([1.0, 2.0, 3.0]) + np.outer(TIME, [1.0, -0.5, 4.0]) - np.outer(TIME**2, [0, 0, 0.5 * GRAVITY])
+    found = close(TIME, body, *at_rest(TIME), nothing(TIME), Trunk(truth.as_matrix(), place))
+    np.testing.assert_allclose(found.p_WL, place, atol=1e-8)
+    assert np.max((Rotation.from_matrix(found.R_WH) * truth.inv()).magnitude()) < 1e-5
+
+
+def test_the_trunk_answers_moving_legs_and_a_moment_as_newton_and_euler_say():
+    """A leg of mass m swings by x(t), so without forces the trunk of mass M goes by -m x / M; a constant moment about its
+    axis turns it by M t^2 / (2 I)."""
+    body = points(40.0, (0.2, 0.2, 0.2))
+    leg = MassPoints(np.array([1]), np.zeros((1, 3)), np.array([10.0]))
+    legs, swing = at_rest(TIME), 0.1 * np.sin(6.0 * TIME)
+    legs[1][:, 1, 2] = swing  # along the vertical through the trunk's centre: no lever
+    up = np.array([0.0, 0.0, 50.0 * GRAVITY])
+    moment = np.tile([0.0, 0.0, 0.5], (len(TIME), 1))
+    near = Trunk(np.tile(np.eye(3), (len(TIME), 1, 1)), np.zeros((len(TIME), 3)))
+    found = close(TIME, body.together(leg), *legs, Wrench(np.tile(up, (len(TIME), 1)), moment), near)
+    straight = np.polynomial.Polynomial.fit(TIME, found.p_WL[:, 2] + 0.25 * swing, 1)
+    np.testing.assert_allclose(found.p_WL[:, 2] + 0.25 * swing, straight(TIME), atol=1e-7)
+    angle = np.unwrap(Rotation.from_matrix(found.R_WH).as_rotvec()[:, 2])
+    inertia = 40.0 / 6.0 * 4 * 0.2**2
+    assert 2.0 * np.polyfit(TIME, angle, 2)[0] == pytest.approx(0.5 / inertia, rel=1e-4)
+
+
+def test_missing_force_and_moment_of_a_known_motion():
+    """A body carried round a circle needs m r w^2 inward; one that is only held needs its weight, under its centre."""
+    body, w, r = points(30.0, (0.2, 0.2, 0.2)), 4.0, 0.3
+    R, p = np.tile(np.eye(3), (len(TIME), len(SEGMENTS), 1, 1)), np.zeros((len(TIME), len(SEGMENTS), 3))
+    p[:, HAT, :2] = r * np.column_stack([np.cos(w * TIME), np.sin(w * TIME)])
+    zeros = np.zeros((len(TIME), 3))
+    none = Reaction(TIME, zeros, zeros, TIME, zeros, TIME, zeros, TIME, 0.0, zeros, zeros, zeros, 0)
+    held = np.tile([0.0, 0.0, 30.0 * GRAVITY], (len(TIME), 1))
+    left = missing(none, Wrench(held, np.cross([0.1, 0.0, 0.0], held)), body, R, p)
+    inward = -30.0 * r * w**2 * np.column_stack([np.cos(w * TIME), np.sin(w * TIME)])
+    np.testing.assert_allclose(left.force[1:-1, :2], inward[1:-1], atol=2e-3)
+    np.testing.assert_allclose(left.force[1:-1, 2], 0.0, atol=1e-6)
+    # the support at x = 0.1 m turns the body, which does not turn: weight x (lever) is missing
+    x = 0.5 * (p[1:, HAT, 0] + p[:-1, HAT, 0])
+    np.testing.assert_allclose(left.moment[1:-1, 1], -30.0 * GRAVITY * (x[1:] - 0.1), atol=0.5)
+
+
+def test_a_triangles_mean_of_the_force_is_the_second_difference_of_the_place():
+    """A unit mass under forces that are constant over each ms: places by exact integration, every fifth of them."""
+    force = np.random.default_rng(1).normal(size=(len(TIME), 1))
+    force[0] = 0.0
+    speed = np.cumsum(force, axis=0) * 1e-3
+    place = np.cumsum(np.vstack([[[0.0]], 0.5 * (speed[1:] + speed[:-1])]), axis=0) * 1e-3
+    coarse = place[::5]
+    second = (coarse[2:] - 2.0 * coarse[1:-1] + coarse[:-2]) / 5e-3**2
+    np.testing.assert_allclose(triangle_mean(force, 5)[1:-1], second, atol=1e-8)
+
+
+def test_mass_points_have_the_subjects_mass_and_winters_centre_of_head_arms_and_trunk(person):
+    body = body_points(person.handles, person.model.intact_foot, 2.0)
+    assert body.mass.sum() + 2.0 == pytest.approx(78.0)
+    upper = np.isin(body.segment, (PELVIS, HAT))
+    lumbar, hips = person.p_PL, np.array([person.handles.body.hip_forward, 0.0, person.handles.body.hip_up])
+    p_P = body.p_B[upper] + np.where(body.segment[upper, None] == HAT, lumbar, 0.0)
+    share = body.mass[upper] @ (p_P - hips)[:, 2] / body.mass[upper].sum() / (0.288 * SUBJECT.stature_m)
+    assert share == pytest.approx(0.626, abs=0.03)  # Winter, of the way from hip to shoulder
+
+
+def test_both_plates_and_weight_explain_the_motion_of_all_segments_at_every_instant(walked):
+    assert np.abs(walked.truth.missing.force).max() < 0.005 * WEIGHT_N
+    assert np.abs(walked.truth.missing.moment).max() < 0.005 * WEIGHT_N
+    lumped = np.abs(walked.truth.lumped.force).max(axis=0)
+    assert (lumped > 0.02 * WEIGHT_N).all()  # the check would see a trunk that does not move
+
+
+def test_the_intact_plate_is_one_that_a_foot_can_have(walked):
+    force, loaded = walked.left.force, walked.left.force[:, 2] > 20.0
+    assert (force[~loaded] == 0.0).any(axis=0).all() and force[:, 2].min() >= 0.0
+    assert (np.hypot(*force[loaded, :2].T) < 0.6 * force[loaded, 2]).all()
+
+
+def test_figures_of_a_walk_change_with_what_they_measure(walked):
+    figures = trial_figures(walked, WEIGHT_N)
+    pushed = dataclasses.replace(walked.truth.missing, force=walked.truth.missing.force + [0.0, 0.0, 3.0])
+    other = dataclasses.replace(walked, truth=dataclasses.replace(walked.truth, missing=pushed))
+    assert trial_figures(other, WEIGHT_N)["residual_force_bw"] == pytest.approx(3.0 / WEIGHT_N, rel=1e-3)
+    assert figures["residual_force_bw"] < 1e-5
