@@ -21,8 +21,8 @@ from virtual_laboratory.laws import rotation_matrix
 from virtual_laboratory.reaction import Reaction
 from vsf_drake.parameters import GRAVITY
 
-STARTS = 12
-"""How often the trunk's start is corrected by where this led."""
+STARTS, PROBE = 3, 1e-4
+"""How often the trunk's start is corrected by where this led; changes of it (rad, kg m^2/s) that tell how it leads."""
 WEIGHT = np.array([0.0, 0.0, -GRAVITY])
 
 
@@ -74,12 +74,20 @@ def close(time_s: np.ndarray, points: MassPoints, R_WB: np.ndarray, p_WB: np.nda
     turned = Rotation.from_matrix(near.R_WH)
     R = near.R_WH[0]
     first = R @ inertia @ R.T @ (turned[1] * turned[0].inv()).as_rotvec() / step_s - spin[0]
+
+    def led(change: np.ndarray) -> np.ndarray:
+        begun = Rotation.from_rotvec(change[:3]).as_matrix() @ R
+        return _turn(begun, spin + first + change[3:], inertia, step_s)
+
+    def off(R_WH: np.ndarray) -> np.ndarray:
+        return (Rotation.from_matrix(R_WH) * turned.inv()).as_rotvec().ravel()
+
     for _ in range(STARTS):
-        R_WH = _turn(np.ascontiguousarray(R), spin + first, inertia, step_s)
-        off = (Rotation.from_matrix(R_WH) * turned.inv()).as_rotvec()
-        angle, drift = np.linalg.lstsq(_line(time_s), off, rcond=None)[0]
-        R = Rotation.from_rotvec(-angle).as_matrix() @ R
-        first = first - R @ inertia @ R.T @ drift
+        now = off(led(np.zeros(6)))
+        J = np.column_stack([(off(led(small)) - now) / PROBE for small in PROBE * np.eye(6)])
+        change = np.linalg.lstsq(J, -now, rcond=None)[0]
+        R, first = Rotation.from_rotvec(change[:3]).as_matrix() @ R, first + change[3:]
+    R_WH = led(np.zeros(6))
     return Trunk(R_WH, trunk_x - R_WH @ centre_H)
 
 

@@ -68,8 +68,8 @@ def test_a_thrown_trunk_falls_on_a_parabola_and_a_symmetric_one_precesses_at_the
 
 
 def test_the_trunk_answers_moving_legs_and_a_moment_as_newton_and_euler_say():
-    """A leg of mass m swings by x(t), so without forces the trunk of mass M goes by -m x / M; a constant moment about its
-    axis turns it by M t^2 / (2 I)."""
+    """A leg of mass m swings by x(t), so without forces the trunk of mass M goes by -m x / M; a constant moment T about
+    its axis turns it by T t^2 / (2 I)."""
     body = points(40.0, (0.2, 0.2, 0.2))
     leg = MassPoints(np.array([1]), np.zeros((1, 3)), np.array([10.0]))
     legs, swing = at_rest(TIME), 0.1 * np.sin(6.0 * TIME)
@@ -138,7 +138,7 @@ def test_the_intact_plate_is_one_that_a_foot_can_have(walked):
 
 def test_figures_of_a_walk_change_with_what_they_measure(walked):
     figures = trial_figures(walked, WEIGHT_N)
-    pushed = dataclasses.replace(walked.truth.missing, force=walked.truth.missing.force + [0.0, 0.0, 3.0])
+    pushed = dataclasses.replace(walked.truth.missing, force=walked.truth.missing.force + np.array([0.0, 0.0, 3.0]))
     other = dataclasses.replace(walked, truth=dataclasses.replace(walked.truth, missing=pushed))
     assert trial_figures(other, WEIGHT_N)["residual_force_bw"] == pytest.approx(3.0 / WEIGHT_N, rel=1e-3)
     assert figures["residual_force_bw"] < 1e-5
