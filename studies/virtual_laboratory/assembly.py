@@ -132,23 +132,37 @@ def assemble(
 
 
 @compiled
-def solve(H: np.ndarray, b: np.ndarray) -> bool:
-    """Solves H x = b in place by L D L^T of H's lower half; False, and neither is left whole, where H is not positive
-    definite."""
-    n = len(b)
-    column = np.empty(n)
-    for j in range(n):
-        d = H[j, j]
-        if not d > 0.0:
+def _factorise(H: np.ndarray) -> bool:
+    """L D L^T of H from and in its lower half; False where it is not positive definite."""
+    n = len(H)
+    one, two = np.empty(n), np.empty(n)
+    for j in range(0, n - 1, 2):  # two columns at once
+        if not H[j, j] > 0.0:
             return False
         for i in range(j + 1, n):
-            column[i] = H[i, j]
-            H[i, j] /= d
+            one[i] = H[i, j]
+            H[i, j] /= H[j, j]
         for i in range(j + 1, n):
-            factor = H[i, j]
-            if factor != 0.0:
-                for k in range(j + 1, i + 1):
-                    H[i, k] -= factor * column[k]
+            H[i, j + 1] -= H[i, j] * one[j + 1]
+        if not H[j + 1, j + 1] > 0.0:
+            return False
+        for i in range(j + 2, n):
+            two[i] = H[i, j + 1]
+            H[i, j + 1] /= H[j + 1, j + 1]
+        for i in range(j + 2, n):
+            first, second = H[i, j], H[i, j + 1]
+            for k in range(j + 2, i + 1):
+                H[i, k] -= first * one[k] + second * two[k]
+    return bool(H[n - 1, n - 1] > 0.0)
+
+
+@compiled
+def solve(H: np.ndarray, b: np.ndarray) -> bool:
+    """Solves H x = b in place from H's lower half; False, and neither is left whole, where H is not positive
+    definite."""
+    if not _factorise(H):
+        return False
+    n = len(b)
     for i in range(n):
         for k in range(i):
             b[i] -= H[i, k] * b[k]

@@ -60,8 +60,9 @@ class State(NamedTuple):
     """What the step carries on; arrays changed in place.
 
     R, p: pose of P in W. q: (N + T,) hinge angles, bending (positive lifts the toe), then twist (about x to the toe).
-    increment: (6 + N + T,) last step's motion (rotation and translation of P in P, hinge angles). mass_x, mass_v:
-    (M + N, 3) positions and velocities of the mass points. cell_x: (n, 3) cells in W. shear: (n, 2) of the anchors.
+    increment: (6 + N + T,) last step's motion (rotation and translation of P in P, hinge angles); before: the same of
+    the step before. mass_x, mass_v: (M + N, 3) positions and velocities of the mass points. cell_x: (n, 3) cells in W.
+    shear: (n, 2) of the anchors.
     socket: (6,) displacement. fulcrum: (2,) how far the keel is beyond the roller, left and right.
     """
 
@@ -69,6 +70,7 @@ class State(NamedTuple):
     p: np.ndarray
     q: np.ndarray
     increment: np.ndarray
+    before: np.ndarray
     mass_x: np.ndarray
     mass_v: np.ndarray
     cell_x: np.ndarray
@@ -83,7 +85,8 @@ def new_state(device: Device) -> State:
     hinges = bars + len(device.twist_bars)
     return State(
         R=np.eye(3), p=np.zeros(3), q=np.zeros(hinges), increment=np.zeros(6 + hinges),
-        mass_x=np.zeros((rigid + bars, 3)), mass_v=np.zeros((rigid + bars, 3)), cell_x=np.zeros((cells, 3)),
+        before=np.zeros(6 + hinges), mass_x=np.zeros((rigid + bars, 3)),
+        mass_v=np.zeros((rigid + bars, 3)), cell_x=np.zeros((cells, 3)),
         shear=np.zeros((cells, 2)), socket=np.zeros(6), fulcrum=np.zeros(2))
 
 

@@ -120,6 +120,7 @@ class Prosthesis:
         state.increment[:] = 0.0
         state.increment[:3] = h * (state.R.T @ w)
         state.increment[3:6] = h * (state.R.T @ (v + np.cross(w, state.p - p)))
+        state.before[:] = state.increment
         self.state = state
         self._read(self._last)
 

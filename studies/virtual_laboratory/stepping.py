@@ -31,9 +31,10 @@ def step(
 ) -> int:
     """Advances `state` by `h` (s) to the shank's pose; `forces` (n, 3) and `load` (6,) are of the end of the step."""
     count, cells, unknowns = len(device.lengths), len(device.bodies), len(state.q)
-    R = state.R @ rotation_matrix(state.increment[:3])
-    p = state.p + state.R @ state.increment[3:6]
-    q = state.q + state.increment[6:]
+    guess = 2.0 * state.increment - state.before
+    R = state.R @ rotation_matrix(guess[:3])
+    p = state.p + state.R @ guess[3:6]
+    q = state.q + guess[6:]
     hinges, bars, axes = np.empty((count + 1, 3)), np.empty((count, 3, 3)), np.empty((unknowns, 3))
     wrench, block, virial = np.empty((count + 1, 6)), np.empty((count + 1, 6, 6)), np.empty((count + 1, 3, 3))
     rhs, H = np.zeros(6 + unknowns), np.zeros((6 + unknowns, 6 + unknowns))
@@ -85,6 +86,7 @@ def _accept(
     h: float,
 ) -> None:
     """Makes the new configuration the state."""
+    state.before[:] = state.increment
     turn = state.R.T @ R
     state.increment[:3] = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     state.increment[3:6] = state.R.T @ (p - state.p)
