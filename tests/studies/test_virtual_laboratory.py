@@ -307,7 +307,7 @@ def test_the_foot_sits_where_the_model_has_it():
     askew = dataclasses.replace(
         SUBJECT, prosthesis_fore_aft_m=0.012, prosthesis_lateral_m=0.007, prosthesis_alignment_rad=0.06,
         prosthesis_inversion_rad=-0.04, prosthesis_toe_out_rad=0.15, prosthesis_length_m=0.53)
-    R_WB, p_WB = Person(askew, default_model()).poses(np.zeros((1, len(COORDINATES))))
+    R_WB, p_WB = Person(askew, default_model()).leg_poses(np.zeros((1, len(COORDINATES))))
     p = prosthesis_of(askew, 0.108)
     p.reset(R_WB[0, SHANK], p_WB[0, SHANK] + [0.0, 0.0, 2.0])
     thinner, d = 0.5 * (KeelDesign().thickness_rear_m - FootParameters().keel.thickness_m), p.device
