@@ -15,6 +15,7 @@ from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Foot, Recorded
 from virtual_laboratory.tiers import Tier
 from vsf_drake.files import replaced
+from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.formats.recording import world_to_os
 from vsf_drake.motion.formats.tables import write_storage
 
@@ -30,6 +31,8 @@ stature_m: 1.81
 sex: male
 prosthetic_side: right
 """
+BEFORE_S = 0.02
+"""From the end of the window to a strike."""
 FORCE_DECIMALS, PLACE_DECIMALS, MOMENT_DECIMALS = 2, 5, 3
 
 
@@ -76,7 +79,15 @@ def write_trial(folder: Path, trial: Recorded, tier: Tier, label: Label = REFERE
             f"synthetic: true\nsubject: {label.subject}\n"
             f"kinematics: {draw.name}_kinematics.mot\n"
             f"forces: {{file: {draw.name}_forces.mot, right: ground_force_r, left: ground_force_l}}\n"
-            f"prosthesis: {{fulcrum_mm: {1e3 * draw.fulcrum_m:g}}}\n")
+            f"prosthesis: {{fulcrum_mm: {1e3 * draw.fulcrum_m:g}}}\n"
+            f"window: {{start_s: 0, end_s: {_before_second_strike(trial):.2f}}}\n")
+
+
+def _before_second_strike(trial: Recorded) -> float:
+    """End (s) of the part of a recording whose prosthetic stances are whole; what follows makes the stride complete."""
+    stances = find_stances(trial.force_time_s, trial.right.force[:, 2])
+    cut = [stance.start_s for stance in stances if not stance.end_seen]
+    return float(np.floor(1e2 * (min(cut) - BEFORE_S))) / 1e2 if cut else float(trial.time_s[-1])
 
 
 def mirrored(coordinates: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
