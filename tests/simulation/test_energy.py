@@ -109,7 +109,7 @@ def test_an_undamped_joint_in_the_air_loses_what_implicit_euler_takes_and_the_re
 
 
 def test_no_loss_ever_returns(ledger):
-    """But at reversals, where a step's rate and the mean of two differ in sign: it falls with the square of the step."""
+    """But at reversals, where a step's rate and the mean of two differ in sign; second order in the step."""
     terms = ledger(1e-3)
     for name in LOST:
         assert np.diff(terms[name], prepend=0.0).min() > -1e-4 * terms[name][-1], name
