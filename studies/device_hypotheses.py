@@ -31,8 +31,6 @@ from contact_fit_study.keeping import made_by
 from floor_of_the_reference_subject import RESULTS
 
 from vsf_drake.analysis.bench_metrics import (
-    PUBLISHED_STIFFNESS_N_PER_M,
-    TUNED_JOINTS_N_PER_M,
     bench_table,
     closed_form_stiffness,
 )
@@ -114,16 +112,12 @@ def bench(model: ModelParameters, *, quick: bool) -> dict[str, Any]:
     fine = dataclasses.replace(model, foot=with_elements(foot, ELEMENTS))
     own, finer = (bench_table(run_bench(one, fulcrums_m=positions_m)) for one in (model, fine))
     return {"heel_n_per_mm": own.heel_stiffness_n_per_mm, "settings": [{
-        "fulcrum_mm": row.fulcrum_mm, "published": _in_mm(PUBLISHED_STIFFNESS_N_PER_M, row.fulcrum_mm),
-        "tuned_joints": _in_mm(TUNED_JOINTS_N_PER_M, row.fulcrum_mm), "simulated": row.stiffness_n_per_mm,
+        "fulcrum_mm": row.fulcrum_mm, "published": row.published_n_per_mm, "tuned_joints": row.tuned_joints_n_per_mm,
+        "simulated": row.stiffness_n_per_mm,
         "of_64_elements": refined.stiffness_n_per_mm, "closed_form": 1e-3 * float(
             closed_form_stiffness(to_plain(foot), 1e-3 * row.fulcrum_mm)),
         "chain_small_loads": 1e-3 * _chain(foot, 1e-3 * row.fulcrum_mm)}
         for row, refined in zip(own.settings, finer.settings, strict=True)]}
-
-
-def _in_mm(known: dict[float, float], fulcrum_mm: float) -> float | None:
-    return next((1e-3 * k for x, k in known.items() if abs(1e3 * x - fulcrum_mm) < 1e-6), None)
 
 
 def _chain(foot: FootParameters, fulcrum_m: float) -> float:

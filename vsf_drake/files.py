@@ -41,11 +41,17 @@ T = TypeVar("T", bound="DataclassInstance")
 _FORMULA = re.compile(r"[=@\t\r]|[-+](?![0-9.]+(e[-+]?[0-9]+)?$)")
 _SHOWN = 60  # characters of a path that cannot be one, in messages
 _PACKAGE = Path(__file__).resolve().parent
+PACKAGE = "package://vsf_drake/"
 
 
 def user_path(given: str | Path, *, file: str | Path | None = None, where: str | None = None) -> Path:
-    """A path that a user gave, with ~ expanded, whether it exists or not; `file` and `where` name it in messages."""
+    """A path that a user gave, with ~ expanded, whether it exists or not; `file` and `where` name it in messages.
+
+    `package://vsf_drake/NAME` is a shipped file of `models`, which must exist.
+    """
     text = str(given)
+    if text.startswith(PACKAGE):
+        return resource(f"models/{text.removeprefix(PACKAGE)}")
     shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}... ({len(text)} characters)"
     try:
         if UNPRINTABLE.search(text) or "\n" in text:

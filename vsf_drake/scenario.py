@@ -22,7 +22,7 @@ from typing import Any
 
 from vsf_drake import errors
 from vsf_drake.errors import InputError
-from vsf_drake.files import resource, user_path
+from vsf_drake.files import PACKAGE, user_path
 from vsf_drake.ground import Ground, check_ground, load_ground
 from vsf_drake.parameters import GRAVITY, SIDES, Subject
 from vsf_drake.schema import check, choice, load_yaml, quantity
@@ -31,7 +31,6 @@ KINDS = ("bench", "person", "leg")
 CONTACTS = ("kelvin_voigt", "smooth", "hunt_crossley", "drake_point", "hydroelastic")  # as `plants.foot.CONTACTS`
 INTEGRATORS = ("implicit_euler", "radau1", "radau3", "velocity_implicit_euler", "runge_kutta2", "runge_kutta3",
                "runge_kutta5", "bogacki_shampine3", "explicit_euler", "semi_explicit_euler")
-PACKAGE = "package://vsf_drake/"
 _CHOICE = "a description of the set-up"
 _PATHS = ("robot", "model", "contact_file", "subject", "ground")
 _KINDS_OF = {"heel": ("bench",), "subject": ("person",), "free": ("person",), "robot": ("leg",), "directives": ("leg",),
@@ -147,19 +146,14 @@ def check_scenario(scenario: Scenario, *, file: str | Path | None = None) -> Sce
 
 def _exists(value: str) -> bool:
     try:
-        return file_of(value).is_file()
+        return user_path(value).is_file()
     except InputError:
         return False
 
 
 def scenario_ground(scenario: Scenario) -> Ground | None:
     """The ground, read where it is a file."""
-    return load_ground(file_of(scenario.ground)) if isinstance(scenario.ground, str) else scenario.ground
-
-
-def file_of(value: str) -> Path:
-    """The file that a path or `package://vsf_drake/...` names."""
-    return resource(f"models/{value.removeprefix(PACKAGE)}") if value.startswith(PACKAGE) else user_path(value)
+    return load_ground(user_path(scenario.ground)) if isinstance(scenario.ground, str) else scenario.ground
 
 
 def _absolute(value: Any, path: Path, key: str) -> Any:

@@ -66,12 +66,14 @@ def test_what_cannot_be_shown_is_refused(run, tmp_path, monkeypatch, words, mess
 
 def test_bench_writes_the_published_end_points(run, tmp_path):
     code, out, _ = run("bench", "--out", tmp_path / "bench")
-    assert code == 0 and "prediction" in out
+    assert code == 0 and "tuned" in out
     table = read_json(tmp_path / "bench" / "bench.json")
     stiffness = [row["stiffness_n_per_mm"] for row in table["settings"]]
     assert [row["fulcrum_mm"] for row in table["settings"]] == [66, 87, 108, 129, 151]
     assert (stiffness[0], stiffness[-1]) == (pytest.approx(10.0, abs=0.3), pytest.approx(32.0, abs=0.5))
     assert stiffness == sorted(stiffness)
+    assert [row["tuned_joints_n_per_mm"] for row in table["settings"]] == [
+        pytest.approx(k, abs=0.05) for k in (9.7, 12.6, 16.7, 22.9)] + [None]
     assert table["heel_stiffness_n_per_mm"] == pytest.approx(65.0, abs=2.0)
     assert {"bench.png", "bench.svg", "result.npz", "result.yaml"} <= {p.name for p in (tmp_path / "bench").iterdir()}
 

@@ -89,7 +89,7 @@ def mid_range_displacement(displacement_m: np.ndarray, load_n: np.ndarray, *, wh
 
 @dataclass(frozen=True, kw_only=True)
 class BenchPass:
-    """One pass of the machine at the forefoot; where no stiffness is published, the simulated one is a prediction."""
+    """One pass of the machine at the forefoot, beside what is published and the authors' tuned joints; None unknown."""
 
     fulcrum_mm: float
     stiffness_n_per_mm: float
@@ -97,6 +97,7 @@ class BenchPass:
     max_load_n: float
     max_displacement_mm: float
     published_n_per_mm: float | None
+    tuned_joints_n_per_mm: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,13 +119,14 @@ def bench_table(result: BenchResult) -> BenchTable:
     """The numbers of a bench."""
     rows, heel = [], result.heel
     for setting in result.forefoot:
-        where, x, published = _label(setting), displacement(setting), published_stiffness(setting.fulcrum_m)
+        where, x, fulcrum = _label(setting), displacement(setting), setting.fulcrum_m
         rows.append(BenchPass(
             fulcrum_mm=round(1e3 * (setting.fulcrum_m or 0.0), 9),
             stiffness_n_per_mm=1e-3 * stiffness(x, setting.load_n, where=where),
             mid_range_displacement_mm=1e3 * mid_range_displacement(x, setting.load_n, where=where),
             max_load_n=float(np.max(setting.load_n)), max_displacement_mm=1e3 * float(x[-1]),
-            published_n_per_mm=None if published is None else 1e-3 * published))
+            published_n_per_mm=in_n_per_mm(published_stiffness(fulcrum)),
+            tuned_joints_n_per_mm=in_n_per_mm(tuned_joints_stiffness(fulcrum))))
     return BenchTable(
         settings=tuple(rows), heel_published_n_per_mm=1e-3 * PUBLISHED_HEEL_STIFFNESS_N_PER_M,
         heel_stiffness_n_per_mm=None if heel is None else 1e-3 * stiffness(
@@ -150,10 +152,21 @@ def closed_form_stiffness(foot: Mapping[str, Any], fulcrum_m: Any) -> np.ndarray
 
 def published_stiffness(fulcrum_m: float | None) -> float | None:
     """Published stiffness (N/m) at this fulcrum position (None for the heel); None where none is published."""
-    if fulcrum_m is None:
-        return PUBLISHED_HEEL_STIFFNESS_N_PER_M
-    near = [k for position, k in PUBLISHED_STIFFNESS_N_PER_M.items() if abs(position - fulcrum_m) < _SAME_POSITION_M]
-    return near[0] if near else None
+    return PUBLISHED_HEEL_STIFFNESS_N_PER_M if fulcrum_m is None else _near(PUBLISHED_STIFFNESS_N_PER_M, fulcrum_m)
+
+
+def tuned_joints_stiffness(fulcrum_m: float | None) -> float | None:
+    """Likewise of the authors' tuned joints, which stand at few positions and have no heel."""
+    return None if fulcrum_m is None else _near(TUNED_JOINTS_N_PER_M, fulcrum_m)
+
+
+def in_n_per_mm(stiffness_n_per_m: float | None) -> float | None:
+    """The stiffness in N/mm, where it is known."""
+    return None if stiffness_n_per_m is None else 1e-3 * stiffness_n_per_m
+
+
+def _near(known: Mapping[float, float], fulcrum_m: float) -> float | None:
+    return next((k for position, k in known.items() if abs(position - fulcrum_m) < _SAME_POSITION_M), None)
 
 
 def _checked(displacement_m: np.ndarray, load_n: np.ndarray, where: str | None) -> tuple[np.ndarray, np.ndarray]:

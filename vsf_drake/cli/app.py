@@ -32,7 +32,8 @@ INTERRUPTED = 130  # what Typer ends with after Ctrl-C
 path = user_path  # a path that a user gave, with ~ expanded
 Out = Annotated[Path, typer.Option(parser=path, help="Folder for the results; created if needed.")]
 OptionalOut = Annotated[Path | None, typer.Option(parser=path, help="Folder for the results; created if needed.")]
-Model = Annotated[Path | None, typer.Option(parser=path, help="Model file (YAML) instead of the nominal one.")]
+Model = Annotated[Path | None, typer.Option(
+    parser=path, help="Model file (YAML) instead of the nominal one, such as package://vsf_drake/soft_support.yaml.")]
 Contact = Annotated[Path | None, typer.Option(
     parser=path, help="File of a contact fit, whose numbers replace the model's.")]
 Trials = Annotated[list[Path], typer.Argument(parser=path, metavar="TRIAL.yaml...", help="Trial manifests.")]

@@ -50,7 +50,7 @@ from pydrake.systems.primitives import PassThrough
 
 from vsf_drake.contact_file import load_contact, model_with
 from vsf_drake.errors import InputError, require
-from vsf_drake.files import resource
+from vsf_drake.files import resource, user_path
 from vsf_drake.model_file import check_fulcrum, load_model
 from vsf_drake.motion.trial import load_subject
 from vsf_drake.parameters import ModelParameters, Subject
@@ -63,7 +63,7 @@ from vsf_drake.plants.gait import GaitDiagram, make_gait
 from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.plants.visuals import add_foot_visuals, connect_scene_graph, draw_ground
 from vsf_drake.plants.wiring import add_forces, export_outputs, share_generalized_forces
-from vsf_drake.scenario import Scenario, check_scenario, file_of, scenario_ground
+from vsf_drake.scenario import Scenario, check_scenario, scenario_ground
 from vsf_drake.systems.foot_forces import FORCES
 from vsf_drake.systems.joint_forces import GaitDriver
 
@@ -100,9 +100,9 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
         meshcat: where to show them; makes it visual.
     """
     check_scenario(scenario)
-    model = load_model(file_of(scenario.model)) if scenario.model else ModelParameters()
+    model = load_model(user_path(scenario.model)) if scenario.model else ModelParameters()
     if scenario.contact_file:
-        path = file_of(scenario.contact_file)
+        path = user_path(scenario.contact_file)
         model = model_with(model, load_contact(path).values, file=path)
     check_fulcrum(1e-3 * scenario.fulcrum_mm, model.foot, where="fulcrum_mm")
     builder, visual = DiagramBuilder(), visual or meshcat is not None
@@ -120,7 +120,7 @@ def make_station(scenario: Scenario, *, visual: bool = False, meshcat: Meshcat |
             foot = parts.foot
         else:
             given = scenario.subject
-            subject = given if isinstance(given, Subject) else load_subject(file_of(str(given)))
+            subject = given if isinstance(given, Subject) else load_subject(user_path(str(given)))
             try:
                 parts = make_gait(subject, model, scenario_ground(scenario), free=scenario.free,
                                   scene_graph=drawn)
@@ -193,7 +193,7 @@ def _add_leg(
 def _parse(plant: MultibodyPlant, scenario: Scenario) -> None:
     parser = parsing.Parser(plant)
     add_model_package(parser)
-    path = file_of(scenario.robot) if scenario.robot else None
+    path = user_path(scenario.robot) if scenario.robot else None
     if path is not None and not scenario.directives:
         with _refused("robot", "Drake cannot read the model", file=str(path)):
             parser.AddModels(path)
@@ -234,7 +234,7 @@ def _foot(
     plant: MultibodyPlant, scene_graph: SceneGraph, scenario: Scenario, row: int, model: ModelParameters
 ) -> FootHandles:
     asked, where = scenario.feet[row], f"feet[{row}]"
-    parameters = load_model(file_of(asked.model)).foot if asked.model else model.foot
+    parameters = load_model(user_path(asked.model)).foot if asked.model else model.foot
     fulcrum_m = 1e-3 * (scenario.fulcrum_mm if asked.fulcrum_mm is None else asked.fulcrum_mm)
     check_fulcrum(fulcrum_m, parameters, where=f"{where}.fulcrum_mm")
     contact, side = asked.contact or scenario.contact, asked.side

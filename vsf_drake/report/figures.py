@@ -101,10 +101,12 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
                   markersize=7, linestyle="", markerfacecolor="none" if published is None else colour)
         axes.annotate(f"{row.stiffness_n_per_mm:.1f}", (fulcrum_mm, row.stiffness_n_per_mm),
                       xytext=(0, 8), textcoords="offset points", ha="center", fontsize=8)
-    axes.plot([], [], linestyle="", marker="o", color=NEUTRAL, label="simulated, calibrated end point")
-    axes.plot([], [], linestyle="", marker="o", markerfacecolor="none", color=NEUTRAL, label="simulated, prediction")
+    axes.plot([], [], linestyle="", marker="o", color=NEUTRAL, label="simulated, where something is published")
+    axes.plot([], [], linestyle="", marker="o", markerfacecolor="none", color=NEUTRAL, label="simulated, elsewhere")
     axes.plot([], [], linestyle="", marker="_", markersize=14, markeredgewidth=3.5, color=NEUTRAL,
               alpha=MEASURED["alpha"], label="published")
+    axes.plot([row.fulcrum_mm for row in rows], [row.tuned_joints_n_per_mm or np.nan for row in rows], linestyle="",
+              marker="x", color=NEUTRAL, label="tuned joints of the authors' model")
     heel = table.heel_stiffness_n_per_mm
     if heel is not None:
         text = f"heel: {heel:.1f} N/mm (published {table.heel_published_n_per_mm:g})"

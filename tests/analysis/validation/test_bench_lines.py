@@ -50,8 +50,9 @@ def compared(k, mid, rmse=None):
 def test_agreement_is_that_of_the_forefoots_settings_with_a_stiffness():
     """Twice the measurement explains nothing; the heel and a pass of too little load do not count."""
     def row(x, k):
-        return SettingRow(fulcrum_mm=x, max_load_n=600.0, repeats=1, published_n_per_mm=None, lines={
-            "measured": compared(k, 10.0), "model": compared(k and 2.0 * k, 13.0, 4.0)})
+        return SettingRow(
+            fulcrum_mm=x, max_load_n=600.0, repeats=1, published_n_per_mm=None, tuned_joints_n_per_mm=None,
+            lines={"measured": compared(k, 10.0), "model": compared(k and 2.0 * k, 13.0, 4.0)})
 
     rows = [*(row(i, k) for i, k in enumerate(MEASURED)), row(9.0, None), row(None, 1e3)]
     found = statistics(rows, "model")

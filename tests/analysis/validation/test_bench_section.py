@@ -89,7 +89,7 @@ def test_without_curves_the_values_are_those_of_the_bench_command_beside_the_pub
             assert own.stiffness_n_per_mm == pytest.approx(row.published_n_per_mm, abs=0.5)
     assert {row.fulcrum_mm: row.published_n_per_mm for row in table.settings if row.published_n_per_mm} == {
         66.0: 10.0, 151.0: 32.0, None: 65.0}
-    assert [one.key for one in table.lines] == ["model", "refined"]
+    assert [one.key for one in table.lines] == ["model", "soft_support", "refined"]
     assert (table.stiffness_r2, table.stiffness_rmse_n_per_mm, table.mid_range_rmse_mm) == (None, None, None)
     assert table.lines[0].statistics is table.measured_name is None and "regression_line" not in section.arrays
     assert any("no R²" in sentence for sentence in section.missing)

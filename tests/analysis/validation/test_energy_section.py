@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 from made_study import embedded_study, saved_section
 
+from vsf_drake.analysis.validation import embedded_trials
 from vsf_drake.analysis.validation import energy_section as energy
 from vsf_drake.analysis.validation.energy_section import ASKED_SHARE, EnergyCase, _judged, energy_section, walk_cases
+from vsf_drake.files import resource
+from vsf_drake.model_file import load_model
+from vsf_drake.motion.trial import load_trial
 
 POSITIONS_MM = (66.0, 87.0, 108.0, 129.0, 151.0)
 
@@ -32,6 +36,19 @@ def test_ledger_closes_within_one_percent_of_stored_energy_in_every_trial(table)
     assert len(table.trials) == 3
     assert 0.0 < table.ledger_remainder_share_max <= ASKED_SHARE == 0.01
     assert table.ledger_closes is True
+
+
+@pytest.mark.parametrize(("model", "least", "most"), [("nominal", 0.0, 0.1), ("soft_support", 0.3, 0.7)])
+def test_a_stiff_support_holds_less_than_a_tenth_of_what_the_foot_stores_at_every_setting(model, least, most):
+    """The devices as calibrated; a support that yields under R = F x_load / x_fulcrum holds R²/2k, a third or more."""
+    device = load_model(resource(f"models/{model}.yaml"))
+    trials = [dataclasses.replace(load_trial(path), model=device) for path in embedded_trials(quick=True)]
+    walks = walk_cases([EnergyCase(label=trial.name, trial=trial, fulcrum_m=trial.fulcrum_m, step_s=1e-3)
+                        for trial in trials], workers=1)
+    for walk in walks:
+        row = walk.stances[0].row
+        assert least <= row.fulcrum_at_most_j / row.stored_j <= most
+        assert row.remainder_share < 0.01
 
 
 def test_softer_setting_stores_and_returns_more_as_recorded_and_under_the_same_load(table):

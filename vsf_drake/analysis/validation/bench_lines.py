@@ -59,6 +59,7 @@ class SettingRow:
     max_load_n: float
     repeats: int
     published_n_per_mm: float | None
+    tuned_joints_n_per_mm: float | None  # of the authors' public model, derived from its scripts
     lines: Mapping[str, CurveValues | None] = flat()  # MEASURED and the models' keys; None where there is none
 
 

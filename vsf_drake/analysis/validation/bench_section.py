@@ -15,7 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from vsf_drake.analysis.bench_metrics import at_loads, closed_form_stiffness, mean_slope, published_stiffness
+from vsf_drake.analysis.bench_metrics import (
+    at_loads,
+    closed_form_stiffness,
+    in_n_per_mm,
+    mean_slope,
+    published_stiffness,
+    tuned_joints_stiffness,
+)
 from vsf_drake.analysis.validation import bench_lines as lines
 from vsf_drake.analysis.validation.bench_lines import Curve, Machine, SettingLines, SettingRow, Statistics, in_mm
 from vsf_drake.analysis.validation.study import Progress, Section, Study, reached
@@ -43,7 +50,7 @@ LINE_POINTS = 51
 class PressedModel:
     """One model that is pressed at every setting."""
 
-    key: str  # "model", "nominal", "refined" or "calibrated"
+    key: str  # "model", "nominal", "soft_support", "refined" or "calibrated"
     name: str
     statistics: Statistics | None = None
     fitted_mm: tuple[float, float] | None = None  # positions whose curves it was calibrated to
@@ -95,7 +102,8 @@ class BenchSectionTable:
 
 
 def bench_section(study: Study, *, progress: Progress | None = None) -> Section[BenchSectionTable]:
-    """Presses the study's foot, the nominal one, the study's with a finer keel and one calibrated to two of the curves.
+    """Presses the study's foot, the nominal one, the one on a soft support, the study's with a finer keel and one
+    calibrated to two of the curves.
 
     Arrays: see `curve_arrays`, and of the regression `regression_measured_n_per_mm`, `_line`, `_low`, `_high`.
     """
@@ -124,7 +132,8 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
         missing += failures
     rows = tuple(SettingRow(
         fulcrum_mm=in_mm(setting.fulcrum_m), max_load_n=setting.load_n, repeats=len(setting.passes),
-        published_n_per_mm=None if (k := published_stiffness(setting.fulcrum_m)) is None else 1e-3 * k,
+        published_n_per_mm=in_n_per_mm(published_stiffness(setting.fulcrum_m)),
+        tuned_joints_n_per_mm=in_n_per_mm(tuned_joints_stiffness(setting.fulcrum_m)),
         lines={lines.MEASURED: setting.measured()} | {
             key: None if (curve := own[i]) is None else lines.curve_values(curve, setting.curve)
             for key, own in curves.items()}) for i, setting in enumerate(settings))
@@ -171,6 +180,8 @@ def _feet(
     feet = [(PressedModel(key="model", name=own), foot)]
     if nominal != foot:
         feet.append((PressedModel(key="nominal", name="nominal"), nominal))
+    if (other := load_model(resource("models/soft_support.yaml")).foot) != foot:
+        feet.append((PressedModel(key="soft_support", name="laminate on a soft support"), other))
     feet.append((PressedModel(key="refined", name=f"{own}, {elements} elements"), with_elements(foot, elements)))
     curves = {s.fulcrum_m: s.curve for s in settings if s.judged and s.fulcrum_m is not None and s.curve is not None
               and reached(foot, [s.fulcrum_m])}
@@ -194,7 +205,8 @@ def _press(
     for setting in settings:
         curve = None
         # finer keel and calibration are the forefoot's: at the heel those feet are the study's
-        if line.key in ("model", "nominal") if (fulcrum := setting.fulcrum_m) is None else fulcrum in fulcrums_m:
+        if (fulcrum in fulcrums_m if (fulcrum := setting.fulcrum_m) is not None else
+                line.key not in ("refined", "calibrated")):
             try:
                 x, load, steps = machine.press(setting.fulcrum_m, max(setting.load_n, lines.LEAST_LOAD_N))
                 curve = lines.up_to(*lines.rising(x, load), setting.load_n)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from vsf_drake.analysis.validation.bench_lines import SettingRow
     from vsf_drake.analysis.validation.bench_section import BenchSectionTable
 
-_MARKERS = {"model": "o", "nominal": "s", "refined": "D", "calibrated": "^"}
+_MARKERS = {"model": "o", "nominal": "s", "soft_support": "v", "refined": "D", "calibrated": "^"}
 _NOMINAL: dict[str, Any] = {"linestyle": (0, (1, 2)), "linewidth": 1.2}
 _SLOPE_ABOVE_N = 200.0
 
@@ -124,6 +124,10 @@ def _stiffness(axes: Axes, table: BenchSectionTable) -> None:
                   markeredgewidth=1.4)
     axes.plot([], [], marker="_", markersize=14, markeredgewidth=3.0, color=NEUTRAL, alpha=0.6, linestyle="",
               label="published end points")
+    axes.plot(x, [row.tuned_joints_n_per_mm or np.nan for row in rows], marker="x", color=NEUTRAL, linestyle="",
+              label="tuned joints of the authors' model")
+    axes.plot(x, _of_line(rows, "soft_support", "stiffness_n_per_mm"), marker="v", markersize=5, color=NEUTRAL,
+              linestyle="", markerfacecolor="none", label="laminate on a soft support")
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.1, y=0.12)
     axes.legend(loc="upper left")
