@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import contact_fit_study.inputs as contact_fit
 import contact_truth_recovery as truth
+import device_hypotheses as devices
 from contact_fit_study.cases import TIERS
 from contact_fit_study.keeping import STUDIES, sources_sha256
 from contact_truth_study.making import assuming
@@ -29,7 +30,8 @@ from virtual_laboratory.floor import floor, floor_with_shared_errors_removed
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
 from vsf_drake.analysis.contact_fit.solve import search
 from vsf_drake.analysis.metrics import walk_metrics
-from vsf_drake.files import sha256, write_json
+from vsf_drake.files import resource, sha256, write_json
+from vsf_drake.model_file import load_model
 
 REPEATS = 1e-4
 """Relative: on one machine the numbers come back to the last bit; what moves them by less shows in no table."""
@@ -70,9 +72,24 @@ def recovered_truth(stored: dict[str, Any]) -> Numbers:
     yield "force from truth", found["grf_rmse_bw"][0], of["grf_rmse_bw"][0]
 
 
+def both_devices(stored: dict[str, Any]) -> Numbers:
+    """Bench of both at the ends, and where the energy of a stiff walk sits."""
+    for name, of in stored["devices"].items():
+        model = load_model(resource(f"models/{name}.yaml"))
+        rows = {row["fulcrum_mm"]: row for row in of["bench"]["settings"]}
+        for setting in devices.bench(model, quick=True)["settings"]:
+            mm = setting["fulcrum_mm"]
+            yield f"{name} at {mm:g} mm", setting["simulated"], rows[mm]["simulated"]
+        trial = devices.on(contact_fit.trial(devices.TIER, devices.WALKED[-1]), model, quick=False)
+        found, was = devices.by_part(trial, devices.FINE_S), of["energy"]["walks"][-1]
+        for key in ("stored_j", "support_share"):
+            yield f"{name} {devices.WALKED[-1]} {key}", found[key], was[key]
+
+
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "floor": ("floor_of_the_reference_subject.py", floors), "contact_fit": ("contact_fit.py", fitted_pair),
-    "contact_truth_recovery": ("contact_truth_recovery.py", recovered_truth)}
+    "contact_truth_recovery": ("contact_truth_recovery.py", recovered_truth),
+    "device_hypotheses": ("device_hypotheses.py", both_devices)}
 """By result: the script that makes it and its spot check. `contact_fit` reads the floors."""
 
 

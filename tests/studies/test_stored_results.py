@@ -11,6 +11,7 @@ import warnings
 import check_stored
 import contact_fit
 import contact_truth_recovery
+import device_hypotheses
 import floor_of_the_reference_subject
 import make_reference_subject
 import numpy as np
@@ -104,8 +105,9 @@ def test_a_kept_part_is_made_again_only_for_another_key(tmp_path):
     assert kept(tmp_path, "part", "two", make)[0]["value"] == 3.0
 
 
-@pytest.mark.parametrize("script", [contact_fit, contact_truth_recovery, floor_of_the_reference_subject,
-                                    make_reference_subject], ids=lambda script: script.__name__)
+@pytest.mark.parametrize("script", [
+    contact_fit, contact_truth_recovery, device_hypotheses, floor_of_the_reference_subject, make_reference_subject],
+    ids=lambda script: script.__name__)
 def test_a_part_of_a_study_never_replaces_the_whole(monkeypatch, capsys, script):
     monkeypatch.setattr(sys, "argv", [script.__name__, "--quick"])
     with pytest.raises(SystemExit) as ended:
