@@ -73,6 +73,19 @@ def test_errors_stay_in_the_angles_for_the_whole_walk(study, monkeypatch):
     assert row.grf_rmse_bw == pytest.approx(alone.grf_rmse_bw, rel=1e-6)
 
 
+def test_each_angle_of_each_walk_has_an_error_of_its_own_of_the_stated_size(study, monkeypatch):
+    seen = []
+    monkeypatch.setattr(module, "SD_DEG", (0.5,))
+    monkeypatch.setattr(module, "DRAWS", 3000)
+    monkeypatch.setattr(module, "simulate_batch", lambda cases, **_: [
+        seen.append(list(case.values.values())) or SimpleNamespace(ok=False) for case in cases])
+    angle_error_rows([judged(walk) for walk in study.walks[:2]], step_s=2e-3, seed=0)
+    drawn = np.degrees(np.array(seen)).reshape(2, 3000, len(LIMB_ANGLES))
+    np.testing.assert_allclose(drawn.std(axis=1), 0.5, rtol=0.05)
+    every = np.corrcoef(np.concatenate([*drawn], axis=1).T) - np.eye(2 * len(LIMB_ANGLES))
+    assert np.abs(every).max() < 0.08, "of other angles and of other walks"
+
+
 def test_walks_below_their_own_null_model_are_counted_and_failed_ones_are_not(study, monkeypatch):
     """Errors made up: of the first trial 2, 4, 6 and 8 % body weight beside 5, of the second one lost of four."""
     made = iter([0.02, 0.04, 0.06, 0.08, 0.03, None, 0.05, 0.07, 0.01, 0.01, 0.01, 0.01])

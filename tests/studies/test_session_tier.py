@@ -8,7 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from virtual_laboratory import session as module
-from virtual_laboratory.motion import COORDINATES
+from virtual_laboratory.floor import session_floor
+from virtual_laboratory.motion import COORDINATES, Person
+from virtual_laboratory.polish import shank_poses
+from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.recording import Foot, in_degrees
 from virtual_laboratory.session import (
     ANGLES,
@@ -26,7 +29,7 @@ from virtual_laboratory.writing import REFERENCE, write_subject, write_trial
 from vsf_drake.files import resource
 from vsf_drake.motion.markers.joints import COORDINATES as BOTH_ANKLES
 from vsf_drake.motion.markers.joints import coordinates_of, orientations_of
-from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial import default_model, load_trial
 from vsf_drake.parameters import FootParameters, SocketParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
 from vsf_drake.simulation.walk import Walker
@@ -155,6 +158,20 @@ def test_angles_that_laboratories_zero_have_no_mean_and_the_foots_inversion_is_n
     assert session.written.prosthesis_inversion_rad is None
 
 
+def test_the_true_foot_on_the_true_motion_gives_its_plate_again_and_on_a_recorded_one_it_does_not(person, trial):
+    foot, q = prosthesis_of(person, 0.108), np.radians(trial.coordinates)
+    q[:, :3] = trial.coordinates[:, :3]
+    poses = shank_poses(Person(person, default_model()), trial.time_s, q, trial.force_time_s)
+    reaction = foot.walk(trial.force_time_s, *poses)
+    plate = Foot(reaction.force, reaction.cop, reaction.free_moment)
+    session = draw_session(person, seed=(9,), name="")
+    tiers = [SimpleNamespace(coordinates=values, right=plate) for values in (
+        trial.coordinates, session_tier(trial, session, "tier", (0,)).coordinates)]
+    true, recorded = (session_floor(foot, one, trial, tier)["grf_rmse_bw"] for one, tier in zip(
+        (session.of_trials_alone(), session), tiers, strict=True))
+    assert true < 1e-6 and recorded > 0.01
+
+
 def test_a_mirror_image_walks_as_the_mirror_image(trial, tmp_path):
     """The model, which knows left from right, makes of the mirrored files the mirrored force."""
     tier = SimpleNamespace(name="tier", coordinates=trial.coordinates, right=trial.right, left=trial.left)
@@ -166,8 +183,8 @@ def test_a_mirror_image_walks_as_the_mirror_image(trial, tmp_path):
         write_trial(folder, trial, tier, dataclasses.replace(REFERENCE, mirrored=side == "left"))
         loaded = load_trial(folder / "tier" / "medium_1.yaml")
         walker = Walker(loaded.subject, loaded.model)
-        walk = walker.walk(loaded.trajectory, fulcrum_m=loaded.fulcrum_m, start_s=0.3, end_s=0.7, step_s=2e-3)
-        walks[side] = walker.result(walk, loaded, loaded.offsets, energy=False), loaded.prosthetic_plate
+        walked = walker.walk(loaded.trajectory, fulcrum_m=loaded.fulcrum_m, start_s=0.3, end_s=0.7, step_s=2e-3)
+        walks[side] = walker.result(walked, loaded, loaded.offsets, energy=False), loaded.prosthetic_plate
     (right, measured), (left, mirrored) = walks["right"], walks["left"]
     flip = np.array([1.0, -1.0, 1.0])
     assert right.grf_W[:, 2].max() > 300.0
