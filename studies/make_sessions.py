@@ -115,8 +115,8 @@ def make(out: Path, wanted: list[Task], workers: int) -> None:
 def of_person(out: Path, person: TruePerson) -> None:
     """What belongs to all sessions of a person: the foot on its bench."""
     name = f"SYNTHETIC bench of person {person.name}'s foot"
-    write_bench(out, person.foot, name=name, seed=SEED)
-    write_bench_curves(out, person.foot, name=name, seed=SEED)
+    for write in (write_bench, write_bench_curves):
+        write(out, person.foot, name=name, notice=NOTICE, seed=SEED + ord(person.name))
 
 
 def part(out: Path, task: Task) -> dict[str, Any]:

@@ -54,7 +54,9 @@ def stiffness_n_per_mm(travel_m: np.ndarray, load_n: np.ndarray) -> float:
     return float(1e-3 * (LOADS_N[1] - LOADS_N[0]) / (high - low))
 
 
-def write_bench(folder: Path, design: Design | None = None, *, name: str = REFERENCE, seed: int | None = None) -> Path:
+def write_bench(
+    folder: Path, design: Design | None = None, *, name: str = REFERENCE, notice: str = NOTICE, seed: int | None = None
+) -> Path:
     """`bench.yaml` in `folder`, of a foot with a support: the reference subject's where None."""
     if LOADS_N[0] != STIFFNESS_ABOVE_N:
         raise RuntimeError(f"the virtual bench takes the slope from {LOADS_N[0]:g} N, bench files from "
@@ -65,7 +67,7 @@ def write_bench(folder: Path, design: Design | None = None, *, name: str = REFER
     settings = "".join(f"  - {{fulcrum_mm: {x}, stiffness_n_per_mm: {stiffness[x]:.3f}}}\n" for x in FULCRUMS_MM)
     with replaced(folder / "bench.yaml") as stream:
         stream.write(
-            f"# {NOTICE.replace('walked', 'measured')}.\n"
+            f"# {notice.replace('walked', 'measured')}.\n"
             f"# The virtual foot on its bench (studies/virtual_laboratory/bench.py), pressed vertically "
             f"{1e3 * design.frame.load_point_m:.0f} mm from\n"
             f"# the keel's posterior end; static, {'no noise' if seed is None else 'with the errors of a test'}. "
@@ -83,14 +85,14 @@ def write_bench(folder: Path, design: Design | None = None, *, name: str = REFER
 
 
 def write_bench_curves(
-    folder: Path, design: Design | None = None, *, name: str = REFERENCE, seed: int | None = None
+    folder: Path, design: Design | None = None, *, name: str = REFERENCE, notice: str = NOTICE, seed: int | None = None
 ) -> Path:
     """`bench_curves.csv` in `folder`, of a foot with a support: the reference subject's where None."""
     folder.mkdir(parents=True, exist_ok=True)
     design = design or Design()
     with replaced(folder / "bench_curves.csv") as stream:
         stream.write(
-            f"# {NOTICE.replace('walked', 'measured')}.\n"
+            f"# {notice.replace('walked', 'measured')}.\n"
             f"# The virtual foot on its bench (studies/virtual_laboratory/bench.py), pressed vertically "
             f"{1e3 * design.frame.load_point_m:.0f} mm from the\n"
             f"# keel's posterior end, or on the heel (no fulcrum); static, loading only, "

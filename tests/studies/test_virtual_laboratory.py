@@ -22,13 +22,15 @@ from virtual_laboratory.bench import LOADS_N
 from virtual_laboratory.design import Design, FrameDesign, KeelDesign, SupportDesign, longer
 from virtual_laboratory.dynamics import chain
 from virtual_laboratory.motion import COORDINATES, DEVICE, SHANK, Person
+from virtual_laboratory.people import true_persons
 from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.tiers import PLATE_N, TRIAL_DEG, TRIAL_M
 
 from vsf_drake.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trial import default_model, load_trial
-from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, FootParameters, Subject
+from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS, FootParameters, SocketParameters, Subject
+from vsf_drake.plants.anthropometry import scale_body
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 
@@ -408,6 +410,32 @@ def test_shares_no_law_and_no_stepper_with_the_model():
         modules |= {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
         ours = {module for module in modules if module.startswith("vsf_drake")}
         assert ours <= {"vsf_drake.parameters", "vsf_drake.plants.anthropometry"}, name
+
+
+def test_persons_come_out_again_and_are_none_whom_the_model_would_assume():
+    """Light and heavy, left and right; lengths, hips and placement of their own; the passive foot inside the published
+    range of commercial ones."""
+    persons = true_persons(SEED)
+    assert persons == true_persons(SEED) != true_persons(SEED + 1)
+    assert [person.side for person in persons] == ["right", "left", "right"]
+    for person in persons:
+        stated = Subject(mass_kg=person.subject.mass_kg, stature_m=person.subject.stature_m, sex=person.subject.sex,
+                         prosthetic_side="right")
+        true, assumed = (scale_body(one, FootParameters(), SocketParameters()) for one in (person.subject, stated))
+        for name in ("thigh_length", "shank_length", "ankle_height", "foot_length", "hip_forward", "hip_up",
+                     "hip_lateral", "prosthetic_thigh_length", "prosthesis_length"):
+            assert 1e-4 < abs(getattr(true, name) - getattr(assumed, name)) < 0.06, name
+        assert true.placement != assumed.placement
+        stiffness = [bench.forefoot_stiffness(person.foot, x) for x in (0.066, 0.108, 0.151)]
+        assert 5e3 < stiffness[0] < stiffness[1] < stiffness[2] < 40e3
+        p = person.prosthesis(0.108)
+        assert p.sole_below_knee == pytest.approx(person.subject.prosthesis_length_m)
+        p.reset(UPRIGHT, knee(p, 0.02))
+        assert p.force[2] > 100.0
+    assert 28e3 < bench.forefoot_stiffness(persons[2].passive, None) < 76e3
+    assert 27e3 < bench.heel_stiffness(persons[2].passive) < 68e3
+    with pytest.raises(ValueError, match="no passive foot"):
+        persons[0].prosthesis(None)
 
 
 # The floor: on exact kinematics the true prosthesis gives the plate, on noisy ones what the noise makes of it.
