@@ -24,7 +24,7 @@ from vsf_drake.parameters import FootParameters, SocketParameters, Subject
 from vsf_drake.plants.anthropometry import FootPlacement, scale_body
 
 STEP_S = 5e-4
-"""Largest step: half of it changes the 40 Hz force by less than 0.2 % of body weight."""
+"""Largest step: half of it changes the 40 Hz force by 0.1 to 0.2 % of body weight."""
 _SETTLING_STEPS, _SETTLING_STEP_S = 60, 0.02
 """A start is lowered in so many static steps and held for as many."""
 
