@@ -51,7 +51,7 @@ def trial_figures(trial: Recorded, weight_n: float) -> dict[str, float]:
     swing = ((time < start - 0.1) | (time > end + 0.1)) & (trial.right.force[:, 2] == 0.0)
     swing &= time < strikes[-1] - 0.1
     return {
-        "fulcrum_mm": 1e3 * trial.draw.fulcrum_m,
+        "fulcrum_mm": float("nan") if trial.draw.fulcrum_m is None else 1e3 * trial.draw.fulcrum_m,
         "stance_s": end - start,
         "stride_s": strikes[-1] - strikes[0],
         "speed_m_per_s": float((path[-1] - path[0]) / (trial.time_s[-1] - trial.time_s[0])),

@@ -18,7 +18,7 @@ from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 
 from virtual_laboratory.body import DEVICE, HAT, LUMBAR_UP_M, PELVIS, SEGMENTS, SHANK
-from virtual_laboratory.targets import Draw
+from virtual_laboratory.targets import LEG_M, Draw
 from vsf_drake.parameters import ModelParameters, Subject, person_coordinates
 from vsf_drake.plants.foot import sole_height
 from vsf_drake.plants.person import add_person
@@ -35,6 +35,8 @@ PUBLISHED_STRIDE_M = 1.1 * 1.26
 """Stride (m) at the 1.1 m/s of the published angles: on this subject's legs the soles then rest if it lasts 1.26 s."""
 LOADING_PEAK, LOADING_WIDTH = 0.14, 0.055
 """Phase of the published knee's flexion under load and the width of the bump that is taken from it."""
+KNEE_DEG_PER_SPEED = 15.7
+"""How that flexion rises per m/s in the published groups."""
 SWAY_M = 0.022
 """The pelvis goes so far to the side of the standing leg (a choice)."""
 DEGREE, KNOT_SPACING_S = 5, 0.04
@@ -175,7 +177,7 @@ def base_motion(draw: Draw, time_s: np.ndarray) -> np.ndarray:
     """
     series = _read_series()
     right, left = time_s / draw.stride_s, (time_s - draw.intact_strike_s) / draw.stride_s
-    stretch = draw.speed_m_per_s * draw.stride_s / PUBLISHED_STRIDE_M
+    stretch = draw.speed_m_per_s * draw.stride_s / (PUBLISHED_STRIDE_M * draw.leg_m / LEG_M)
 
     def wave(name: str, phase: np.ndarray, scale: float = 1.0) -> np.ndarray:
         a = series[name]
@@ -190,8 +192,10 @@ def base_motion(draw: Draw, time_s: np.ndarray) -> np.ndarray:
                    for name, published in LEG.items()}
         angles[f"hip_flexion_{side}"] += draw.tilt_deg
     published_peak = float(wave("knee_flexion", np.array([LOADING_PEAK]))[0])
-    off = ((right - LOADING_PEAK + 0.5) % 1.0 - 0.5) / LOADING_WIDTH
-    angles["knee_angle_r"] -= (published_peak - draw.knee_loading_deg) * np.exp(-0.5 * off**2)
+    for side, phase, higher in (("r", right, draw.knee_loading_deg - published_peak),
+                                ("l", left, KNEE_DEG_PER_SPEED * draw.faster_m_per_s)):
+        off = ((phase - LOADING_PEAK + 0.5) % 1.0 - 0.5) / LOADING_WIDTH
+        angles[f"knee_angle_{side}"] += higher * np.exp(-0.5 * off**2)
     angles["ankle_angle_l"] = wave("ankle_dorsiflexion", left)
     values = {name: np.radians(curve) for name, curve in angles.items()}
     values["pelvis_tx"] = draw.speed_m_per_s * (time_s - 0.5 * draw.stance_s)

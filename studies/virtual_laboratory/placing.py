@@ -27,9 +27,9 @@ MARGIN_S, AFTER_S = 0.34, 0.12
 """Recorded before the prosthetic foot's strike, and after the end of the intact foot's next stance."""
 PLACING = 5
 """Steps of the fit."""
-STANDARD = {"pelvis_tx": 0.015, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_tilt": 0.02, "pelvis_list": 0.025,
-            "pelvis_rotation": 0.03, "hip_flexion": 0.09, "hip_adduction": 0.035, "hip_rotation": 0.06,
-            "knee_angle_r": 0.03, "knee_angle_l": 0.06, "knee_adduction": 0.02, "knee_rotation": 0.05,
+STANDARD = {"pelvis_tx": 0.02, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_tilt": 0.02, "pelvis_list": 0.035,
+            "pelvis_rotation": 0.05, "hip_flexion": 0.09, "hip_adduction": 0.035, "hip_rotation": 0.06,
+            "knee_angle_r": 0.05, "knee_angle_l": 0.06, "knee_adduction": 0.02, "knee_rotation": 0.05,
             "ankle_angle": 0.1, "ankle_adduction": 0.04, "ankle_rotation": 0.04}
 """How far (m, rad) a coordinate may well be from its published curve; the pelvis, from its mean path."""
 TRUNK_STANDARD, PLATE_STANDARD = (0.003,) * 3 + (0.03,) * 3, (0.03, 0.02, 0.03, 0.015, 0.006, 0.003)

@@ -14,8 +14,9 @@ from virtual_laboratory.targets import Draw, roll_over
 DEVICE_HEEL_M, DEVICE_FOREFOOT_M = 0.018, 0.195
 """Where the prosthesis's load passes from and to, from the keel's end A."""
 HEEL_N_PER_M = 65e3
-FOREFOOT_N_PER_M = {"low": 10.0e3, "medium": 17.3e3, "high": 32.0e3}
-"""Bench stiffness: heel published, forefoot published at both ends and by beam theory between."""
+FOREFOOT_N_PER_M = {"low": 10.0e3, "medium": 17.3e3, "high": 32.0e3, "passive": 45.0e3}
+"""Where the fit starts from, of the reference subject: bench stiffness, heel published, forefoot published at both ends
+and by beam theory between; of a passive foot a choice."""
 SOCKET_N_PER_M, SOCKET_NM_PER_RAD = 1e5, 1e3
 INTACT_HEEL, INTACT_FOREFOOT = 0.14, 0.78
 """The same of the intact foot, in foot lengths from its heel."""

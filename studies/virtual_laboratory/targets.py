@@ -8,21 +8,25 @@ to one source). Stance times are published (McGeehan 2021, doi 10.1115/1.4050456
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.stats import norm
 
-CONDITIONS = {"low": 66.0, "medium": 108.0, "high": 151.0}
-"""Fulcrum position (mm) by name of the published condition."""
+from vsf_drake.parameters import GRAVITY
+
+CONDITIONS: dict[str, float | None] = {"low": 66.0, "medium": 108.0, "high": 151.0, "passive": None}
+"""Fulcrum position (mm) by name of the published condition; none of a passive foot."""
+SETTINGS = ("low", "medium", "high")
 TRIALS_PER_CONDITION = 3
-YIELDING = {"low": 0.06, "medium": 0.03, "high": 0.0}
+YIELDING = {"low": 0.06, "medium": 0.03, "high": 0.0, "passive": 0.0}
 """Parts of stance by which the centre of pressure passes later along a softer forefoot."""
 STANCE_S = {"low": (0.73, 0.02), "medium": (0.79, 0.01), "high": (0.71, 0.02)}
 """Published stance time of the prosthetic foot, mean and standard deviation (s)."""
 SPREAD = {
-    "speed_off_m_per_s": (0.0, 0.02),
+    "speed_m_per_s": (0.0, 0.02),
     "duty": (0.61, 0.008),
     "intact_duty": (0.64, 0.008),
     "intact_step": (0.487, 0.008),
@@ -47,8 +51,23 @@ SPREAD = {
 }
 """Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs
 from stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones."""
+BY_SPEED = {"duty": -0.062, "intact_duty": -0.062, "knee_loading_deg": 6.8, "first_peak_bw": 0.286, "trough_bw": -0.262,
+            "second_peak_bw": 0.119, "braking_bw": 0.124, "propulsion_bw": 0.097}
+"""How these means change per m/s from REFERENCE_SPEED_M_PER_S on: as between the able-bodied groups slow (0.88 m/s) and
+free (1.30 m/s with a leg of 0.93 m) of Schwartz 2008 (doi 10.1016/j.jbiomech.2008.03.015); braking, propulsion and knee
+flexion in proportion to their smaller means here."""
+REFERENCE_SPEED_M_PER_S = 1.1
+CADENCE = ((0.172, 0.290, 0.429, 0.560, 0.694), (0.337, 0.455, 0.565, 0.662, 0.758))
+"""Speed / sqrt(g L) and steps per s times sqrt(L / g), L the leg's length: groups of Schwartz 2008."""
+MORE_STEPS = 1.033
+"""Cadence of people with a prosthesis to theirs: 109.8 steps/min at 1.22 m/s (doi 10.1097/PXR.0000000000000079)."""
+TIMED_SD = 0.015
+"""Standard deviation (parts) of the stance time at a given speed (a choice)."""
+LEG_M, REFERENCE_STATURE_M = 0.93, 1.81
+"""Leg of the persons whose curves these are, taken for the reference subject's; longer and shorter ones step in
+proportion."""
 LOADED_BW = 20.0 / (78.0 * 9.81)
-"""Vertical force at which a stance begins and ends: 20 N."""
+"""Vertical force at which a stance begins and ends: 20 N of the reference subject's weight."""
 MEAN_SPEED_M_PER_S, MEAN_STANCE_S, SPEED_PER_STANCE = 1.10, 0.743, 0.8
 """Faster (m/s) by 0.8 per second of shorter stance, about the mean of the published stance times: 1.0 to 1.2 m/s."""
 WIDEST_SD = 1.6
@@ -60,7 +79,7 @@ class Draw:
     """How one trial is walked. Times in s from the prosthetic foot's heel strike.
 
     Attributes:
-        speed_off_m_per_s: speed beyond what goes with the stance time (`speed_m_per_s`).
+        leg_m: length that steps scale with.
         duty, intact_duty: stance / stride of either foot; intact_step: instant of the intact foot's strike / stride.
         step_width_m, toe_out_deg: of the feet on the floor.
         tilt_deg: added to the published anterior tilt; list_scale, rotation_scale: of the published pelvic curves.
@@ -72,8 +91,9 @@ class Draw:
 
     condition: str
     number: int
+    leg_m: float
     stance_s: float
-    speed_off_m_per_s: float
+    speed_m_per_s: float
     duty: float
     intact_duty: float
     intact_step: float
@@ -101,16 +121,19 @@ class Draw:
         return f"{self.condition}_{self.number}"
 
     @property
-    def fulcrum_m(self) -> float:
-        return 1e-3 * CONDITIONS[self.condition]
+    def fulcrum_m(self) -> float | None:
+        """None of a passive foot."""
+        fulcrum_mm = CONDITIONS[self.condition]
+        return None if fulcrum_mm is None else 1e-3 * fulcrum_mm
 
     @property
     def stride_s(self) -> float:
         return self.stance_s / self.duty
 
     @property
-    def speed_m_per_s(self) -> float:
-        return MEAN_SPEED_M_PER_S - SPEED_PER_STANCE * (self.stance_s - MEAN_STANCE_S) + self.speed_off_m_per_s
+    def faster_m_per_s(self) -> float:
+        """Speed beyond REFERENCE_SPEED_M_PER_S, of a person with a leg of LEG_M who walks in proportion."""
+        return self.speed_m_per_s * np.sqrt(LEG_M / self.leg_m) - REFERENCE_SPEED_M_PER_S
 
     @property
     def intact_strike_s(self) -> float:
@@ -122,21 +145,34 @@ class Draw:
         return self.intact_strike_s - (1.0 - self.intact_duty) * self.stride_s
 
 
-def draw_trials(seed: int) -> list[Draw]:
-    """Nine trials. Every quantity is drawn once from each third of its normal distribution, in random order.
+def draw_trials(seed: int | Sequence[int], speed_m_per_s: float | None = None, *, leg_m: float = LEG_M,
+                conditions: Sequence[str] = SETTINGS) -> list[Draw]:
+    """Three trials per condition, at a speed; without one at the published stance times of the reference subject.
 
-    Three such draws (a Latin hypercube) have the stated spread; three independent ones may by chance lie together.
+    Every quantity is drawn once from each third of its normal distribution, in random order: three such draws (a Latin
+    hypercube) have the stated spread; three independent ones may by chance lie together.
     """
     random = np.random.default_rng(seed)
     trials = []
-    for condition, stance in STANCE_S.items():
+    for condition in conditions:
         drawn = {}
+        stance = STANCE_S[condition] if speed_m_per_s is None else (1.0, TIMED_SD)
         for name, (mean, deviation) in {"stance_s": stance, **SPREAD}.items():
             third = (random.permutation(TRIALS_PER_CONDITION) + random.uniform(size=TRIALS_PER_CONDITION))
             size = np.clip(norm.ppf(third / TRIALS_PER_CONDITION), -WIDEST_SD, WIDEST_SD)
             drawn[name] = mean + deviation * size
         drawn["roll_over"] += YIELDING[condition]
-        trials += [Draw(condition=condition, number=i + 1, **{n: float(v[i]) for n, v in drawn.items()})
+        if speed_m_per_s is None:
+            drawn["speed_m_per_s"] += MEAN_SPEED_M_PER_S - SPEED_PER_STANCE * (drawn["stance_s"] - MEAN_STANCE_S)
+        else:
+            drawn["speed_m_per_s"] += speed_m_per_s
+            alike = speed_m_per_s * np.sqrt(LEG_M / leg_m)
+            for name, slope in BY_SPEED.items():
+                drawn[name] += slope * (alike - REFERENCE_SPEED_M_PER_S)
+            froude = speed_m_per_s / np.sqrt(GRAVITY * leg_m)
+            steps_per_s = MORE_STEPS * np.interp(froude, *CADENCE) * np.sqrt(GRAVITY / leg_m)
+            drawn["stance_s"] *= 2.0 / steps_per_s * drawn["duty"]
+        trials += [Draw(condition=condition, number=i + 1, leg_m=leg_m, **{n: float(v[i]) for n, v in drawn.items()})
                    for i in range(TRIALS_PER_CONDITION)]
     return trials
 
@@ -189,18 +225,25 @@ def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
     """(n, 3) in body weights in W: of the intact foot, so that both feet carry the person over a stride.
 
     Vertical and lateral impulses over one stride balance weight and the other foot exactly; the forward one likewise.
+    Peaks and trough change with speed by the slopes of `BY_SPEED`, the able-bodied ones.
     """
     d = draw
+    high, deep, late = (BY_SPEED[name] * d.faster_m_per_s for name in ("first_peak_bw", "trough_bw", "second_peak_bw"))
+    brake, push = 1.0 + 1.03 * d.faster_m_per_s, 1.0 + 0.92 * d.faster_m_per_s
     length = d.intact_duty * d.stride_s
     fine = np.linspace(-0.1, d.stride_s - 0.1, 2001)
     means = np.trapezoid(prosthetic_force(d, fine), fine, axis=0) / d.stride_s
     part = np.linspace(0.0, 1.0, 1001)
 
-    def shape(x: np.ndarray, bump: float = 0.0) -> np.ndarray:
-        vertical = _curve(x, [(0.04, 0.17), (0.10, 0.5), (0.15, 0.85), (0.23, 1.08), (0.35, 0.92), (0.47, 0.78),
-                              (0.60, 0.90), (0.76, 1.07), (0.87, 0.78), (0.94, 0.35), (0.97, 0.12)])
-        forward = _curve(x, [(0.05, -0.035), (0.17, -0.145), (0.33, -0.07), (0.52, 0.0), (0.70, 0.08), (0.86, 0.16),
-                             (0.93, 0.08), (0.97, 0.025)])
+    def shape(x: np.ndarray) -> np.ndarray:
+        vertical = _curve(x, [
+            (0.04, 0.17), (0.10, 0.5), (0.15, 0.85 + 0.5 * high), (0.23, 1.08 + high),
+            (0.35, 0.92 + 0.5 * (high + deep)), (0.47, 0.78 + deep),
+            (0.60, 0.90 + 0.5 * (deep + late)), (0.76, 1.07 + late), (0.87, 0.78 + 0.5 * late),
+            (0.94, 0.35), (0.97, 0.12)])
+        forward = _curve(x, [
+            (0.05, -0.035 * brake), (0.17, -0.145 * brake), (0.33, -0.07 * brake), (0.52, 0.0), (0.70, 0.08 * push),
+            (0.86, 0.16 * push), (0.93, 0.08 * push), (0.97, 0.025 * push)])
         lateral = _curve(x, [(0.05, 0.05), (0.22, 1.0), (0.47, 0.75), (0.76, 0.95), (0.9, 0.4), (0.97, 0.08)])
         return np.column_stack([forward, lateral, vertical])
 

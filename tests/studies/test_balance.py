@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
-from make_reference_subject import SEED, walk_trial
+from make_reference_subject import SEED, STEPS, walk_trial
 from scipy.spatial.transform import Rotation
 from virtual_laboratory.balance import Wrench, triangle_mean
 from virtual_laboratory.body import HAT, PELVIS, SEGMENTS, MassPoints, body_points
@@ -15,12 +17,14 @@ from virtual_laboratory.figures import trial_figures
 from virtual_laboratory.motion import Person
 from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.reaction import Reaction
+from virtual_laboratory.recording import Recorded
 from virtual_laboratory.targets import draw_trials
 
 from vsf_drake.motion.trial import default_model
 from vsf_drake.parameters import GRAVITY, Subject
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
+BANDS = Path(__file__).resolve().parents[2] / "data" / "published" / "walking_bands.csv"
 WEIGHT_N = SUBJECT.mass_kg * GRAVITY
 TIME = np.arange(0.0, 1.0, 1e-3)
 
@@ -32,8 +36,20 @@ def person():
 
 @pytest.fixture(scope="module")
 def walked(person):
-    draw = draw_trials(SEED)[0]
-    return walk_trial(person, prosthesis_of(SUBJECT, draw.fulcrum_m), draw, 2)
+    return walk_at(person, None, 0, 2)
+
+
+def walk_at(person: Person, speed: float | None, number: int, steps: int) -> Recorded:
+    draw = draw_trials(SEED, speed)[number]
+    return walk_trial(person, prosthesis_of(SUBJECT, draw.fulcrum_m), draw, steps)
+
+
+def band(quantity: str, side: str, speed: float) -> tuple[float, float]:
+    """Linear between the speeds of data/published/walking_bands.csv."""
+    rows = [row for row in csv.DictReader(line for line in BANDS.read_text().splitlines() if not line.startswith("#"))
+            if row["quantity"] == quantity and row["side"] in (side, "each") and row["kind"] == "choice"]
+    speeds, low, high = (np.array([float(row[name]) for row in rows]) for name in ("speed_m_per_s", "low", "high"))
+    return float(np.interp(speed, speeds, low)), float(np.interp(speed, speeds, high))
 
 
 def points(mass: float, radii: tuple[float, float, float]) -> MassPoints:
@@ -134,6 +150,39 @@ def test_the_intact_plate_is_one_that_a_foot_can_have(walked):
     force, loaded = walked.left.force, walked.left.force[:, 2] > 20.0
     assert (force[~loaded] == 0.0).any(axis=0).all() and force[:, 2].min() >= 0.0
     assert (np.hypot(*force[loaded, :2].T) < 0.6 * force[loaded, 2]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("speed", "number"), [(0.9, 7), (1.1, 4), (1.4, 8)])
+def test_a_walk_at_each_speed_lies_in_the_published_bands_on_both_sides(person, speed, number):
+    found = trial_figures(walk_at(person, speed, number, STEPS), WEIGHT_N)
+    assert found["residual_force_bw"] < 0.005 and found["residual_moment_bwm"] < 0.005
+    assert found["speed_m_per_s"] == pytest.approx(speed, abs=0.06)
+    for side, prefix in (("prosthetic", ""), ("intact", "intact_")):
+        for quantity, name in (("vgrf_peak1", "first_peak"), ("vgrf_trough", "trough"), ("vgrf_peak2", "second_peak"),
+                               ("braking_peak", "braking"), ("propulsion_peak", "propulsion")):
+            low, high = band(quantity, side, speed)
+            assert low < found[f"{prefix}{name}_bw"] < high, f"{side} {name}"
+        assert found[f"{prefix}cop_backward_mm"] < 3.0 and found[f"{prefix}cop_travel_mm"] > 180.0
+        assert found[f"{prefix}trough_bw"] < min(found[f"{prefix}first_peak_bw"], found[f"{prefix}second_peak_bw"])
+        assert found[f"{prefix}free_moment_nm"] < 12.0
+    assert 0.90 < found["stance_s"] / found["intact_stance_s"] < 1.02  # stance_ratio, two standard deviations
+    slow = speed < 1.2
+    assert (1.09 if slow else 0.95) < found["stride_s"] < (1.49 if slow else 1.22)  # GAITRite, slow and normal
+    assert found["swing_clearance_mm"] > 5.0 and 48.0 < found["step_width_mm"] < 200.0
+
+
+def test_faster_people_step_oftener_load_and_push_more():
+    """Signs of Schwartz 2008 between slow and free; the same random numbers at each speed."""
+    slow, fast = (draw_trials(SEED, speed) for speed in (0.9, 1.4))
+    for one, other in zip(slow, fast, strict=True):
+        assert other.stride_s < one.stride_s and other.stance_s / other.stride_s < one.stance_s / one.stride_s
+        assert other.first_peak_bw > one.first_peak_bw and other.trough_bw < one.trough_bw
+        assert other.braking_bw > one.braking_bw and other.propulsion_bw > one.propulsion_bw
+        assert other.speed_m_per_s * other.stride_s > one.speed_m_per_s * one.stride_s
+        assert other.knee_loading_deg > one.knee_loading_deg
+    short = draw_trials(SEED, 1.1, leg_m=0.83)[0]
+    assert short.stride_s < draw_trials(SEED, 1.1)[0].stride_s
 
 
 def test_figures_of_a_walk_change_with_what_they_measure(walked):
