@@ -31,7 +31,7 @@ from virtual_laboratory.floor import session_floor
 from virtual_laboratory.motion import Person
 from virtual_laboratory.people import TruePerson, true_persons
 from virtual_laboratory.session import Session, draw_session, session_tier
-from virtual_laboratory.targets import LEG_M, REFERENCE_STATURE_M, Draw, describe, draw_trials
+from virtual_laboratory.targets import LEG_M, REFERENCE_STATURE_M, SETTINGS, Draw, describe, draw_trials
 from virtual_laboratory.writing import Label, write_session_readme, write_subject, write_tables, write_trial
 
 from vsf_drake.motion.trial import default_model
@@ -163,9 +163,10 @@ def moving(person: str) -> Person:
 
 @cache
 def draws(person: str, day: int, speed: str) -> list[Draw]:
-    walker = persons()[person]
+    true = persons()[person]
+    passive = ("passive",) if true.passive and speed == EMBEDDED else ()
     return draw_trials([SEED, ord(person), day, list(SPEEDS).index(speed)], SPEEDS[speed],
-                       leg_m=LEG_M * walker.subject.stature_m / REFERENCE_STATURE_M)
+                       leg_m=LEG_M * true.subject.stature_m / REFERENCE_STATURE_M, conditions=(*SETTINGS, *passive))
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ stature_m: 1.81
 sex: male
 prosthetic_side: right
 """
+MID_RANGE_M = 0.108
 BEFORE_S = 0.02
 """From the end of the window to a strike."""
 FORCE_DECIMALS, PLACE_DECIMALS, MOMENT_DECIMALS = 2, 5, 3
@@ -79,7 +80,8 @@ def write_trial(folder: Path, trial: Recorded, tier: Tier, label: Label = REFERE
             f"synthetic: true\nsubject: {label.subject}\n"
             f"kinematics: {draw.name}_kinematics.mot\n"
             f"forces: {{file: {draw.name}_forces.mot, right: ground_force_r, left: ground_force_l}}\n"
-            f"prosthesis: {{fulcrum_mm: {1e3 * draw.fulcrum_m:g}}}\n"
+            f"prosthesis: {{fulcrum_mm: {1e3 * (draw.fulcrum_m or MID_RANGE_M):g}}}"
+            f"{'' if draw.fulcrum_m else '  # a passive foot has none: where the model keeps its own'}\n"
             f"window: {{start_s: 0, end_s: {_before_second_strike(trial):.2f}}}\n")
 
 

@@ -1,0 +1,70 @@
+"""The generator of data/sessions: who is recorded when, what is not made twice, the same bytes by any processes."""
+
+from __future__ import annotations
+
+import dataclasses
+from types import SimpleNamespace
+
+import make_sessions
+import pytest
+import session_fit
+from make_sessions import DAYS, EMBEDDED, SPEEDS, Task, draws, make, part
+
+from vsf_drake.motion.trial import load_trial
+
+
+def test_everybody_walks_three_times_at_every_setting_and_speed_and_two_days_differ():
+    for person, days in DAYS.items():
+        for speed, wanted in SPEEDS.items():
+            found = draws(person, 1, speed)
+            names = [draw.name for draw in found]
+            passive = person == "C" and speed == EMBEDDED
+            assert names == [f"{setting}_{i}" for setting in ("low", "medium", "high", *(["passive"] * passive))
+                             for i in (1, 2, 3)]
+            mean = sum(draw.speed_m_per_s for draw in found) / len(found)
+            assert mean == pytest.approx(wanted, rel=0.05)
+        if len(days) > 1:
+            one, two = (draws(person, day, EMBEDDED) for day in days)
+            assert not {draw.stance_s for draw in one} & {draw.stance_s for draw in two}
+
+
+def test_a_finished_trial_is_not_made_again_unless_it_is_another(tmp_path, monkeypatch):
+    made = []
+    monkeypatch.setattr(make_sessions, "write", lambda out, task: made.append(task) or {"figures": {}})
+    task = Task(person="A", day=1, speed=EMBEDDED, number=0, steps=2)
+    assert part(tmp_path, task) == part(tmp_path, task) == {"figures": {}}
+    part(tmp_path, dataclasses.replace(task, steps=3))
+    assert made == [task, dataclasses.replace(task, steps=3)]
+
+
+@pytest.mark.slow
+def test_files_are_the_same_from_one_process_and_two_and_are_read_as_a_left_sided_persons(tmp_path):
+    tasks = [Task(person="B", day=1, speed=EMBEDDED, number=number, steps=2) for number in (0, 3)]
+    for workers in (1, 2):
+        make(tmp_path / str(workers), tasks, workers)
+    one, two = ({path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+                for folder in (tmp_path / "1", tmp_path / "2"))
+    assert one == two and len(one) == 2 * 3 + 1 + 2 + 3  # trials, subject, bench, tables and page
+    assert all(b"SYNTHETIC" in content[:400] for content in one.values())
+    trial = load_trial(tmp_path / "1" / "b" / "day_1" / EMBEDDED / "low_1.yaml")
+    assert trial.synthetic and trial.subject.prosthetic_side == "left" and trial.fulcrum_m == 0.066
+    plate = trial.prosthetic_plate
+    assert plate.force_W[:, 2].max() > 300.0 and plate.cop_W[plate.force_W[:, 2] > 300.0, 1].mean() > 0.0, "on the left"
+
+
+def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(monkeypatch):
+    case, data = session_fit.CASES[0], session_fit.DATA
+    monkeypatch.setattr(session_fit, "floors", lambda folder: {})
+    wanted = {"a/day_1/1p1/low_1": "fitted", "a/day_1/1p1/high_3": "same setting", "a/day_1/1p1/low_2": "same setting",
+              "a/day_1/1p1/medium_2": "unseen setting", "a/day_1/0p9/low_1": "another speed",
+              "a/day_2/1p1/low_1": "another day"}
+    rows = {}
+    for i, path in enumerate(wanted):
+        metrics = SimpleNamespace(**dict.fromkeys(session_fit.METRICS, 0.01 * (i + 1)))
+        metrics.null_model_grf_rmse_bw = 0.025
+        rows[path] = session_fit.row(case, data, SimpleNamespace(path=data / f"{path}.yaml", fulcrum_m=0.066), metrics)
+    assert {path: row["role"] for path, row in rows.items()} == wanted
+    found = session_fit.means(rows)
+    assert found["same setting"]["grf_rmse_bw"] == pytest.approx(0.025) and found["same setting"]["n"] == 2
+    assert found["held out"]["grf_rmse_bw"] == pytest.approx(0.03) and found["held out"]["beats_null"] == 1
+    assert found["another day"]["cop_ml_rmse_fl"] == pytest.approx(0.06)
