@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import shutil
 import sys
 import time
@@ -21,6 +22,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+if __name__ == "__main__":  # sums in the same order whatever the machine has free
+    os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from contact_fit_study.keeping import kept, made_by
