@@ -34,7 +34,7 @@ STANDARD = {"pelvis_tx": 0.02, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_ti
 """How far (m, rad) a coordinate may well be from its published curve; the pelvis, from its mean path."""
 TRUNK_STANDARD, PLATE_STANDARD = (0.003,) * 3 + (0.03,) * 3, (0.03, 0.02, 0.03, 0.015, 0.006, 0.003)
 """The same of the trunk (`motion.TRUNK`) and of the intact foot's plate (`balance.PLATE`)."""
-ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3 = 2.0e3, 5.0e4, 5.0e3
+ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3 = 2.0e3, 1.0e4, 5.0e3
 """Third derivative of a correction that goes with its standard, as a multiple of it."""
 SUPPORT_M, INTACT_SUPPORT_M, ROLL_RAD, CLEARANCE_M = 5e-4, 2e-3, 0.01, 2e-3
 """Tolerated: place of a loaded support of either foot, roll and turn of a loaded foot, height of the sole in swing."""
