@@ -1,8 +1,9 @@
 """A person on one leg, in the sagittal plane, standing on the foot's keel: the model, and where it can stand still.
 
 The leg of `models/leg.urdf` under a trunk of 50 kg, free to move in x and z and to pitch; torques in hip and knee, the
-prosthesis has no ankle. The foot is mounted 0.1 rad toes-up, so that the shank leans forward over a flat foot. Contact
-is the "smooth" law: derivatives exist everywhere.
+prosthesis has no ankle. The foot is that of `models/soft_support.yaml`: on the nominal one, with the fulcrum at 66 mm,
+Newton's method finds no rest from the start taken here. It is mounted 0.1 rad toes-up, so that the shank leans forward
+over a flat foot. Contact is the "smooth" law: derivatives exist everywhere.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ def make_standing_leg(fulcrum_m: float, controller: LeafSystem | None = None) ->
     plant.AddJoint(WeldJoint("trunk", hip, trunk.body_frame(), RigidTransform([0.0, 0.0, TRUNK_ABOVE_HIP_M])))
     for name in ("hip_flexion", "knee_flexion"):
         plant.AddJointActuator(name, plant.GetJointByName(name))
-    foot = add_foot(plant, plant.GetFrameByName("pylon_end"), load_model(resource("models/nominal.yaml")).foot,
+    foot = add_foot(plant, plant.GetFrameByName("pylon_end"), load_model(resource("models/soft_support.yaml")).foot,
                     contact="smooth")
     plant.Finalize()
     wired = wire_foot(builder, plant, foot, fulcrum_m=fulcrum_m)
