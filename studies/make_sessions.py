@@ -109,8 +109,8 @@ def make(out: Path, wanted: list[Task], workers: int) -> None:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     rows = {task.name: parts[task] for task in wanted}
-    write_tables(out, {"figures.csv": {name: row["figures"] for name, row in rows.items()},
-                       "draws.csv": {name: row["draw"] for name, row in rows.items()}}, NOTICE)
+    write_tables(out, {f"{table}.csv": {name: dict(sorted(row[table].items())) for name, row in rows.items()}
+                       for table in ("figures", "draws")}, NOTICE)  # sorted, as kept parts are
     write_session_readme(out, rows)
     shutil.rmtree(out / ".made")
 
@@ -145,7 +145,7 @@ def write(out: Path, task: Task) -> dict[str, Any]:
     floors = {"floor_bw": session_floor(prosthesis, of_day, trial, tier),
               "own_floor_bw": session_floor(prosthesis, of_day.of_trials_alone(), trial, own)}
     return {"figures": trial_figures(trial, weight) | {name: found["grf_rmse_bw"] for name, found in floors.items()},
-            "draw": describe(draw), "condition": draw.condition, "curve": stance_curve(trial, weight).tolist()}
+            "draws": describe(draw), "condition": draw.condition, "curve": stance_curve(trial, weight).tolist()}
 
 
 @cache

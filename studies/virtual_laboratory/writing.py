@@ -116,7 +116,7 @@ def _columns(foot: Foot, side: str) -> dict[str, np.ndarray]:
     return columns | {f"ground_torque_{side}_{axis}": moment if axis == "y" else still for axis in "xyz"}
 
 
-def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Mapping[str, float]]], notice: str) -> None:
+def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Mapping[str, float | None]]], notice: str) -> None:
     """CSV files by name, one line a trial: what came out, and what was drawn."""
     for name, rows in tables.items():
         columns = list(dict.fromkeys(key for row in rows.values() for key in row))
@@ -124,7 +124,7 @@ def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Mapping[str, fl
             stream.write(f"# {notice}\n")
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow(["trial", *columns])
-            writer.writerows([trial, *(f"{float(row[key]):.5g}" if key in row else "" for key in columns)]
+            writer.writerows([trial, *("" if row.get(key) is None else f"{float(row[key]):.5g}" for key in columns)]
                              for trial, row in rows.items())
 
 
