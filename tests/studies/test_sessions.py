@@ -8,8 +8,9 @@ from types import SimpleNamespace
 import make_sessions
 import pytest
 import session_fit
-from make_sessions import DAYS, EMBEDDED, SPEEDS, Task, draws, make, part
+from make_sessions import DATA, DAYS, EMBEDDED, SPEEDS, Task, draws, make, part
 
+from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial import load_trial
 
 
@@ -68,3 +69,23 @@ def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(mon
     assert found["same setting"]["grf_rmse_bw"] == pytest.approx(0.025) and found["same setting"]["n"] == 2
     assert found["held out"]["grf_rmse_bw"] == pytest.approx(0.03) and found["held out"]["beats_null"] == 1
     assert found["another day"]["cop_ml_rmse_fl"] == pytest.approx(0.06)
+
+
+@pytest.mark.skipif(not DATA.exists(), reason="data/sessions has not been made")
+def test_what_is_embedded_says_what_it_is_and_is_small():
+    tasks = [Task(person, day, EMBEDDED, number, 0) for person, days in DAYS.items() for day in days
+             for number in range(len(draws(person, day, EMBEDDED)))]
+    assert len(tasks) == 9 * 4 + 3
+    page = (DATA / "README.md").read_text(encoding="utf-8")
+    for task in tasks[::3]:
+        trial = load_trial(DATA / f"{task.name}.yaml")
+        assert trial.synthetic and "SYNTHETIC" in trial.name and "SYNTHETIC" in trial.subject.name
+        assert trial.subject.prosthetic_side == ("left" if task.person == "B" else "right")
+        assert trial.fulcrum_m == pytest.approx(task.draw.fulcrum_m or 0.108)
+        stance, = [one for one in find_stances(trial.prosthetic_plate.time_s, trial.prosthetic_plate.force_W[:, 2])
+                   if one.start_s < trial.end_s]
+        assert stance.complete and stance.end_s < trial.end_s, "what a fit asks for"
+        assert f"| {task.folder}/{EMBEDDED}" in page
+    files = [path for path in DATA.rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) < 12e6 and not (DATA / ".made").exists()
+    assert all("SYNTHETIC" in path.read_text(encoding="utf-8")[:400] for path in files)
