@@ -103,6 +103,7 @@ def test_python_users_meet_the_same_checks():
     for changes, said in (
             ({"values": {"keel.colour": 1.0}}, r"values\.keel\.colour"), ({"strategy": "\x1b[31m"}, "unprintable"),
             ({"values": {"fulcrum.stiffness": True}}, "True is not a finite number"),
+            ({"values": {"contact.heel.rise": 0.0, "fulcrum.stiffness": 2e6}}, r"keel\.flexural_modulus: is missing"),
             ({"subject": left, "values": {"coordinate.ankle_angle_l": 0.1}, "curves": ()}, "ankle_angle_l"),
             ({"trials": (endless,)}, r"trials\[0\]\.path\.pelvis_tz\[1\]: nan")):
         with pytest.raises(InputError, match=said):

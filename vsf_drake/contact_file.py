@@ -128,6 +128,10 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
     """Returns `contact` after checking what it names, once each, and every number in it; none may be missing."""
     require = functools.partial(errors.require, file=file)
     check(contact, file=file)
+    if any(name.startswith("contact.") for name in contact.values):
+        for name in DEVICE:
+            require(name in contact.values, "is missing: the foam in this file was fitted on a keel and a support that "
+                    "it does not tell", f"values.{name}", "Fit again, or add the value of the model that was fitted")
     require(contact.provenance, "is missing", "provenance",
             "It stands last: without it the file may have been cut short, with values missing too")
     values = {f"values.{name}": value for name, value in contact.values.items()}

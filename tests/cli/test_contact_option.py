@@ -17,7 +17,8 @@ from vsf_drake.motion.trial import load_trial
 
 TRIAL = resource("data/reference_subject/exact/high_1.yaml")
 SUBJECT = resource("data/reference_subject/subject.yaml")
-CHANGE = {"contact.forefoot.stiffness": 2e5, "contact.forefoot.exponent": 1.4, "offset.height": 2e-3}
+DEVICE = {"keel.flexural_modulus": 7.8e9, "fulcrum.stiffness": 2e6}
+CHANGE = {"contact.forefoot.stiffness": 2e5, "contact.forefoot.exponent": 1.4, "offset.height": 2e-3, **DEVICE}
 
 
 @pytest.fixture
@@ -114,7 +115,7 @@ WORDS = {"failed": "did not converge", "missing": "there is no such file", "zone
 def test_what_is_no_fitted_contact_ends_every_command_with_one_message(run, tmp_path, words, fault):
     path = tmp_path / "contact.yaml"
     if fault != "missing":
-        values = {"contact.toe.stiffness": 1e4} if fault == "zone" else {**OF_THE_MODEL, **OF_THE_TRIAL}
+        values = {"contact.toe.stiffness": 1e4, **DEVICE} if fault == "zone" else {**OF_THE_MODEL, **OF_THE_TRIAL}
         save_contact(made_contact(values=values, converged=fault != "failed"), path)
     code, _, err = run(*words, "--out", tmp_path / "out", "--contact", path)
     assert code == 2
