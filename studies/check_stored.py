@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import contact_fit_study.inputs as contact_fit
 import contact_truth_recovery as truth
 import device_hypotheses as devices
+import session_fit
 from contact_fit_study.cases import TIERS
 from contact_fit_study.keeping import STUDIES, sources_sha256
 from contact_truth_study.making import assuming
@@ -86,10 +87,24 @@ def both_devices(stored: dict[str, Any]) -> Numbers:
             yield f"{name} {devices.WALKED[-1]} {key}", found[key], was[key]
 
 
+def fitted_session(stored: dict[str, Any]) -> Numbers:
+    """The fitted values of the first person on a trial of the same day that was held out."""
+    case = session_fit.CASES[0]
+    pair, fit = stored["fits"][case.name], session_fit.fit_of(case, session_fit.DATA)
+    held = session_fit.read(session_fit.DATA, case, "medium_2")
+    comparison, result, _, _ = fit.terms_of(held, None).walk(
+        fit.parameters.u(pair["values"]), step_s=ContactFitOptions().report_step_s)
+    found = vars(walk_metrics(result, held.prosthetic_plate, comparison=comparison))
+    of = pair["trials"][session_fit.path_in(session_fit.DATA, held)]
+    for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl"):
+        yield f"{case.name} medium_2 {key}", found[key], of[key]
+
+
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "floor": ("floor_of_the_reference_subject.py", floors), "contact_fit": ("contact_fit.py", fitted_pair),
     "contact_truth_recovery": ("contact_truth_recovery.py", recovered_truth),
-    "device_hypotheses": ("device_hypotheses.py", both_devices)}
+    "device_hypotheses": ("device_hypotheses.py", both_devices),
+    "session_fit": ("session_fit.py", fitted_session)}
 """By result: the script that makes it and its spot check. `contact_fit` reads the floors."""
 
 

@@ -113,4 +113,5 @@ def _cell(target: Target, tier: str, found: Mapping[str, Any]) -> str:
     shown = target.shown(target.measured(found))
     if tier not in target.limits:
         return shown
-    return f"{shown} ({'≥' if target.at_least else '≤'} {target.shown(target.limits[tier])})"
+    missed = "" if target.met(tier, found) else ", missed"
+    return f"{shown} ({'≥' if target.at_least else '≤'} {target.shown(target.limits[tier])}{missed})"

@@ -159,11 +159,17 @@ def _carries_the_person(made: Trial, recorded: Trial) -> bool:
 
 
 def _stances(trial: Trial) -> list:
-    plate = trial.prosthetic_plate
-    return find_stances(plate.time_s, plate.force_W[:, 2])
+    return find_stances(*_vertical(trial))
 
 
 def _impulse(trial: Trial) -> float:
     """Vertical, N s."""
+    time_s, force = _vertical(trial)
+    return float(np.trapezoid(force, time_s))
+
+
+def _vertical(trial: Trial) -> tuple[np.ndarray, np.ndarray]:
+    """Times (n,) s in the trial's window and the vertical force (n,) N then."""
     plate = trial.prosthetic_plate
-    return float(np.trapezoid(plate.force_W[:, 2], plate.time_s))
+    walked = (plate.time_s >= trial.start_s) & (plate.time_s <= trial.end_s)
+    return plate.time_s[walked], plate.force_W[walked, 2]

@@ -71,7 +71,6 @@ def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(mon
     assert found["another day"]["cop_ml_rmse_fl"] == pytest.approx(0.06)
 
 
-@pytest.mark.skipif(not DATA.exists(), reason="data/sessions has not been made")
 def test_what_is_embedded_says_what_it_is_and_is_small():
     tasks = [Task(person, day, EMBEDDED, number, 0) for person, days in DAYS.items() for day in days
              for number in range(len(draws(person, day, EMBEDDED)))]
