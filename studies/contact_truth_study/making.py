@@ -154,7 +154,7 @@ def _own_bench(
 
 
 def _carries_the_person(made: Trial, recorded: Trial) -> bool:
-    own, real = (_impulse(trial) for trial in (made, recorded))
+    own, real = (impulse(trial) for trial in (made, recorded))
     return len(_stances(made)) == len(_stances(recorded)) and abs(own / real - 1.0) < IMPULSE
 
 
@@ -162,7 +162,7 @@ def _stances(trial: Trial) -> list:
     return find_stances(*_vertical(trial))
 
 
-def _impulse(trial: Trial) -> float:
+def impulse(trial: Trial) -> float:
     """Vertical, N s."""
     time_s, force = _vertical(trial)
     return float(np.trapezoid(force, time_s))

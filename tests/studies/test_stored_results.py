@@ -23,7 +23,7 @@ from contact_fit_study.keeping import STUDIES, kept, meaning, sources_sha256
 from contact_fit_study.table import TARGETS, markdown_table, text_table
 from contact_truth_recovery import OPTIONS, made, trial
 from contact_truth_recovery import TRIALS as TRUTH_TRIALS
-from contact_truth_study.making import IMPULSE, assuming
+from contact_truth_study.making import IMPULSE, assuming, impulse
 from contact_truth_study.recovering import ROUNDS, cover, row, through
 from floor_of_the_reference_subject import NOMINAL, RESULTS
 
@@ -149,8 +149,7 @@ def test_at_the_truth_nothing_is_left_but_the_prior_and_the_recording_carries_th
         np.testing.assert_allclose(term.residual, 0.0, atol=1e-3, err_msg=f"{term.trial} {term.name}")
     np.testing.assert_array_equal(prior.residual, one.truth)
     assert np.abs(one.truth).max() > 1.0, "the truth is not the middle of the prior"
-    impulses = [np.trapezoid(plate.force_W[:, 2], plate.time_s) for plate in
-                (one.fit.trials[0].prosthetic_plate, trial("low_1").prosthetic_plate)]
+    impulses = [impulse(one.fit.trials[0]), impulse(trial("low_1"))]
     assert impulses[0] == pytest.approx(impulses[1], rel=IMPULSE)
 
 
