@@ -25,12 +25,18 @@ def examined(tier: str, setting: str):
     return examine(load_trial(resource(f"data/reference_subject/{tier}/{setting}_1.yaml")))
 
 
-@pytest.mark.parametrize("setting", SETTINGS)
-def test_walk_consistent_to_the_time_step_is_good_in_every_check(setting):
-    item = examined("exact", setting)
+@pytest.mark.parametrize("name", [f"{setting}_{i}" for setting in SETTINGS for i in (1, 2, 3)])
+def test_walk_consistent_to_the_time_step_is_good_in_every_check(name):
+    """A lag that the body's acceleration tells is known to 10 ms, one that only touch-downs tell to 35 ms: the model's
+    trunk is rigid in the pelvis, the one of these walks is not, most at 66 mm."""
+    item = examine(load_trial(resource(f"data/reference_subject/exact/{name}.yaml")))
     assert [check.sentence for check in item.checks if check.mark != "good"] == []
     values = {check.name: check.value for check in item.checks}
-    assert values["lag of the forces"] == pytest.approx(0.0, abs=0.010)
+    if "lag of the forces" in values:
+        assert values["lag of the forces"] == pytest.approx(0.0, abs=0.010)
+    else:
+        assert name not in ("medium_1", "high_1", "high_2")  # whose trunks shift least: data/reference_subject
+        assert values["lag of the forces at touch-down"] == pytest.approx(0.0, abs=0.035)
     assert values["mass from the forces"] == pytest.approx(78.0, rel=0.01)
 
 
@@ -84,11 +90,21 @@ def test_expected_error_ranks_spoiled_walks_as_the_plate_does():
 
 
 @pytest.mark.parametrize("spoil", [
-    "slid 0.15 m/s", "20 ms late", "40 ms late", "knee 4 degrees", "hip 2 degrees", "hip 4 degrees"])
+    "slid 0.15 m/s", "40 ms late", "knee 4 degrees", "hip 2 degrees", "hip 4 degrees"])
 @pytest.mark.parametrize("setting", SETTINGS)
 def test_spoiled_walk_is_not_good(setting, spoil):
     trial = load_trial(resource(f"data/reference_subject/exact/{setting}_1.yaml"))
     assert examine(SPOILED[spoil](trial)).mark != "good"
+
+
+@pytest.mark.parametrize("setting", ["medium", "high"])
+def test_forces_two_frames_late_are_not_good_where_the_bodys_acceleration_tells_it(setting):
+    """30 ms, known to 10, are more than the 15 that are good. At 66 mm only touch-downs tell: 40 ms and no less."""
+    trial = load_trial(resource(f"data/reference_subject/exact/{setting}_1.yaml"))
+    right, item = examine(trial), examine(late(trial, 0.03))
+    lags = [{check.name: check.value for check in one.checks}["lag of the forces"] for one in (right, item)]
+    assert lags[1] - lags[0] == pytest.approx(0.03, abs=0.002)
+    assert item.mark != "good"
 
 
 def costing(*costs: float | None, mark: str = "good") -> list[Check]:
