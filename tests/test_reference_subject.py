@@ -113,8 +113,8 @@ def test_forces_are_those_of_walking_on_a_prosthesis(trials, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_pelvis_and_joints_move_as_those_of_a_walker(trials, name):
-    """The pelvis keeps within 3 cm of a uniform speed from one prosthetic strike to the next, over which the plates make
-    the walker faster by no more than the page says."""
+    """The pelvis keeps within 3 cm of a uniform speed from one prosthetic strike to the next; in this time the plates
+    make the walker faster by no more than the page says."""
     trial = trials[name]
     time, names = trial.prosthetic_plate.time_s, trial.trajectory.names
     values, _, acceleration = trial.trajectory.sample(time)
