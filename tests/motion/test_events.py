@@ -77,6 +77,38 @@ def test_made_steps_are_found(side):
         assert stance.end_s == pytest.approx(min(end, TIME[-1]), abs=0.05)
 
 
+def cut(track, rows):
+    return dataclasses.replace(track, heel_W=track.heel_W[rows], toe_W=track.toe_W[rows], ankle_W=track.ankle_W[rows])
+
+
+@pytest.mark.parametrize(("beyond_s", "seen"), [(-0.1, False), (0.15, True)])
+@pytest.mark.parametrize("backward", [False, True])
+def test_an_event_shortly_before_the_record_ends_is_seen(beyond_s, seen, backward):
+    """0.15 s after its lift-off a foot is 0.2 m ahead of where it was farthest behind (0.06 s after it), not yet 0.3 of
+    its travel; the strike at the other end likewise."""
+    tracks, pelvis = feet()
+    start, end = wanted("right")[1]
+    rows = TIME >= start - beyond_s if backward else TIME <= end + beyond_s
+    stances = kinematic_stances(TIME[rows], cut(tracks["right"], rows), pelvis[rows])
+    stance = stances[0 if backward else -1]
+    assert (stance.start_seen if backward else stance.end_seen) == seen
+    if seen:
+        assert (stance.start_s, stance.end_s) == pytest.approx((start, end), abs=0.05)
+
+
+def test_who_halts_and_sways_has_not_lifted_the_foot():
+    """The pelvis stops over the standing foot and sways by 2 cm to and fro."""
+    tracks, pelvis = feet()
+    start, end = wanted("right")[1]
+    halt = 0.5 * (start + end)
+    pelvis, held = pelvis.copy(), np.maximum(TIME - halt, 0.0)
+    pelvis[TIME > halt] = pelvis[np.searchsorted(TIME, halt)]
+    pelvis[:, 0] += 0.02 * np.sin(2.0 * np.pi * held)
+    standing = {side: cut(track, np.where(TIME > halt, np.searchsorted(TIME, halt), np.arange(len(TIME))))
+                for side, track in tracks.items()}
+    assert not kinematic_stances(TIME, standing["right"], pelvis, forward_W=np.array([1.0, 0.0]))[-1].end_seen
+
+
 @pytest.mark.parametrize("heading", [0.5, 2.0, np.pi, -1.5])
 def test_direction_of_walking_does_not_matter(heading):
     turn = np.array([[np.cos(heading), -np.sin(heading), 0], [np.sin(heading), np.cos(heading), 0], [0, 0, 1]])

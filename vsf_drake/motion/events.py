@@ -137,6 +137,7 @@ PROMINENCE = 0.3
 SHORTEST_S = 0.15  # shortest stance or swing: events closer than this are one event
 AT_REST_M_PER_S = 0.5  # a foot slower than this over the ground rests on it; swinging feet reach 3 m/s and more
 TURNED_S = 0.08
+TURNED_M = 0.05  # a standing body sways by 1 to 3 cm; a foot that lifts is 0.1 m ahead after 0.1 s (a choice)
 SHARPEN_S = 0.12  # how far from the coarse instant the sharper one is sought: twice the largest error seen
 NEAR_FLOOR_M = 0.04
 
@@ -180,15 +181,17 @@ def _extremes(values: np.ndarray, time_s: np.ndarray) -> list[float]:
 
 def _with_ends(events: list[tuple[float, bool]], heel: np.ndarray, toe: np.ndarray,
                time_s: np.ndarray) -> list[tuple[float, bool]]:
-    events = list(events)  # a foot that has turned back under the pelvis for longer than an event can be wrong
-    if not events[-1][1]:
-        after = np.flatnonzero(time_s > events[-1][0])
-        if after.size and time_s[-1] - (turn := time_s[after[np.argmax(heel[after])]]) > TURNED_S:
-            events.append((float(turn), True))
-    if events[0][1]:
-        before = np.flatnonzero(time_s < events[0][0])
-        if before.size and (turn := time_s[before[np.argmin(toe[before])]]) - time_s[0] > TURNED_S:
-            events.insert(0, (float(turn), False))
+    """The events (instant, whether a strike), and one more at an end of the record where the foot, since the outermost
+    of them, was farthest ahead or behind and has turned back for longer than an event can be wrong. Turns within a
+    stance, of one who begins or ends to walk, are small."""
+    events, (first, first_strikes), (last, last_strikes) = list(events), events[0], events[-1]
+    for rows, edge, strike, least in (
+            (np.flatnonzero(time_s > last), -1, not last_strikes, TURNED_M if last_strikes else 0.0),
+            (np.flatnonzero(time_s < first), 0, not first_strikes, 0.0 if first_strikes else TURNED_M)):
+        far = heel if strike else -toe
+        turn = rows[np.argmax(far[rows])] if rows.size else edge
+        if abs(time_s[edge] - time_s[turn]) > TURNED_S and far[turn] - far[edge] >= least:
+            events.insert(len(events) if edge else 0, (float(time_s[turn]), strike))
     return events
 
 

@@ -172,7 +172,10 @@ def ends(points):
     return order[:4], order[-4:]
 
 
-def test_legs_are_the_persons_and_both_feet_carry_body_weight_and_do_not_push_on_average(embedded_stride):
+def test_legs_are_the_persons_and_both_feet_carry_body_weight_and_push_by_what_the_body_gains(embedded_stride):
+    """Mean force less the weight is the mass by what the 3-D body's centre gains in speed over a stride, whose forces
+    are blended over its overlap as the quintic of `closing_weights` rises: by parts, its slope weighs the gain. The
+    embedded walks are not quite steady: they gain 0.16 to 0.18 m/s, which alone is 1.4 % of body weight."""
     _, trial, walker, stride = embedded_stride
     body = walker.gait.person.body
     for name, length in (("shank_P", body.prosthetic_thigh_length), ("shank_I", body.thigh_length),
@@ -181,8 +184,19 @@ def test_legs_are_the_persons_and_both_feet_carry_body_weight_and_do_not_push_on
     t = np.linspace(0.0, stride.period_s, 2001)
     total = sum(stride.measured(foot, t)[0][:, :2] for foot in stride.forces) / (trial.subject.mass_kg * GRAVITY)
     along, up = np.trapezoid(total, t, axis=0) / stride.period_s
-    assert up == pytest.approx(1.0, abs=0.02)
-    assert along == pytest.approx(0.0, abs=0.01)
+    points = body_points(walker, trial.offsets, trial.trajectory.names, trial.trajectory.values,
+                         fulcrum_m=trial.fulcrum_m)
+    center = np.einsum("k,nkc->nc", points.mass, points.places) / points.mass.sum()
+    time, speed = trial.trajectory.time_s, np.gradient(center, trial.trajectory.time_s, axis=0)
+    first, last = made.periodic.one_stride((time[0], time[-1]), stride.start_s + 0.5 * sum(stride.prosthetic_stance),
+                                           stride.period_s)
+    overlap = time[(time >= first) & (time + stride.period_s <= last)]
+    share = (overlap - first) / (last - stride.period_s - first)
+    gain = [np.average(np.interp(overlap + stride.period_s, time, own) - np.interp(overlap, time, own),
+                       weights=share**2 * (1.0 - share) ** 2) / (GRAVITY * stride.period_s)
+            for own in (speed[:, :2] @ stride.forward, speed[:, 2])]
+    assert up == pytest.approx(1.0 + gain[1], abs=0.005)
+    assert along == pytest.approx(gain[0], abs=0.005)
 
 
 def test_moment_about_the_origin_is_that_of_the_force_at_the_centre_of_pressure(embedded_stride):

@@ -28,6 +28,7 @@ from scipy.sparse.linalg import splu
 
 from vsf_drake.analysis.tuning.common import WEIGHTED, CommonOptions
 from vsf_drake.analysis.tuning.level1.costs import NEGATIVE_EFFICIENCY, POSITIVE_EFFICIENCY
+from vsf_drake.analysis.tuning.recorded_projection import TY
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
 from vsf_drake.collocation import problem as collocation
 from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
@@ -381,11 +382,42 @@ def quasi_static_motion(
     smoothing: Smoothing, *, start: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """w, u (12, N) of a motion q, v, a (8, N) with the design p (4,), from the first guess `start` (12, N) or zeros on;
-    SimulationError where Newton's method finds no balance, with the instant and coordinate that lack most.
+    SimulationError where no balance is found, with the instant and coordinate that lack most.
 
     u = rates w over the instants, rates (N, N) sparse. It must not look ahead only, as a one-sided difference at the
     first instant does: a damper would push; let a motion that is not periodic begin with a row of 0.
+
+    Undeformed, a stiff foot is pressed into the ground with many times the person's weight, and Newton's method may
+    stall on the way from there; the motion is then lifted off the ground and set down step by step.
     """
+    def lifted(height: float, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        return _balanced(model, q + height * LIFT, v, a, p, rates, smoothing, start)
+
+    try:
+        return lifted(0.0, start)
+    except SimulationError as error:
+        stalled = error
+    height, lower, step, w, u = np.inf, LIFTED_M, SET_DOWN_M, None, None
+    while height > 0.0:
+        try:
+            w, u = lifted(lower, w)
+        except SimulationError:
+            step *= 0.25
+            if w is None or step < LEAST_DOWN_M:
+                raise stalled from None
+        else:
+            height, step = lower, 2.0 * step
+        lower = max(height - step, 0.0)
+    return w, u
+
+
+LIFTED_M, SET_DOWN_M, LEAST_DOWN_M = 0.05, 0.005, 1e-4  # feet sink in by 3 cm at most; steps down, first and last
+LIFT = (np.arange(8) == TY).astype(float)[:, None]
+
+
+def _balanced(model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, p: np.ndarray, rates: sp.spmatrix,
+              smoothing: Smoothing, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """`quasi_static_motion` from one first guess, by Newton's method."""
     k, N = len(model.quasi_static), q.shape[1]
     w = np.zeros((k, N)) if start is None else np.array(start)
     design = np.repeat(np.asarray(p, dtype=float)[:, None], N, 1)
