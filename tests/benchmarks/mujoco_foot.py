@@ -5,7 +5,8 @@ six joints, the support as a spring tendon, positions, radii, stiffness and damp
 has no other law for the rest: a sphere's damping acts in unloading too, and from first touch on; friction is a Coulomb
 cone of mu_static, where the project's falls to mu_kinetic; the bushing has no stops. `implicitfast` finds the contact
 forces with the bare mass matrix and makes the dampers implicit afterwards; with dampers as strong as these on pieces of
-20 g its walk at 1 ms is not converged.
+20 g its walk at 1 ms is not converged. It takes springs at the start of the step, which diverges at 1 ms with a support
+as stiff as this one (2 MN/m) and not at 0.5 ms: here the support's spring is taken at the end, as by the stepper.
 
 The shank is led from outside: its six joints carry ARMATURE, so that no load moves it. A mocap body would not do:
 MuJoCo takes it for a body at rest, and neither slip nor inertia below it would know its motion.
@@ -177,6 +178,8 @@ def walking_model(walker: Walker, *, fulcrum_m: float, step_s: float) -> tuple[m
         if axis.stiffness > axis.stiffness_negative:
             model.jnt_solref[joint.id], model.jnt_solimp[joint.id] = soft_constraint(
                 axis.stiffness - axis.stiffness_negative, 0.0, step_s, model.dof_invweight0[joint.dofadr[0]])
+    # The support's spring at the end of the step too: f = -k (r + h v) - c v has the damping c + h k, implicit.
+    model.tendon_damping += step_s * model.tendon_stiffness
     model.stat.meaninertia = model.dof_M0[len(DRIVEN):].mean()
     model.opt.tolerance = 1e-14
     return model, [*DRIVEN, *socket.coordinate_names, *foot.keel_joint_names]

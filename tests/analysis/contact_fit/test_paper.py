@@ -205,7 +205,8 @@ def test_objective_is_the_resultants_error_of_the_metrics_and_the_initial_guess_
         assert state.rms_n(objective) == pytest.approx(weight * found.grf_rmse_bw, rel=1e-9)
     assert state.objective_n2 < state.initial_objective_n2
     plate, stance = soft.prosthetic_plate, walks[0][1].stances[0]
-    impulse = np.trapezoid(plate.force_W[:, 2], plate.time_s)
+    measured = (plate.time_s >= stance.measured_start_s) & (plate.time_s <= stance.measured_end_s)
+    impulse = np.trapezoid(plate.force_W[measured, 2], plate.time_s[measured])  # the plate also has the next stance
     first, softer = (
         walk.prosthetic.grf_W[(walk.record.time_s >= stance.measured_start_s)
                               & (walk.record.time_s <= stance.measured_end_s), 2].sum() * SHORT.step_s / impulse

@@ -79,15 +79,15 @@ def test_ends_of_pieces_lie_on_straight_lines_between_the_grid_points():
 
 
 def substeps_of(mechanism, inputs, q0, v0):
-    """Ends (s) of all pieces of a run, how many each step has, and its iterations with those that were taken back, by
-    the compiled step and a loop of its own."""
+    """Ends (s) of all pieces of a run, how many each step has, its iterations with those that were taken back, and
+    whether all of its pieces converged, by the compiled step and a loop of its own."""
     stepper, forces, drive = Stepper(mechanism), mechanism.forces, drive_of(inputs)
     dofs = split_coordinates(mechanism.tree, forces, inputs.prescribed)
     workspace = step_workspace(mechanism.tree, forces, dofs)
     out = np.zeros(len(q0)), np.zeros((len(mechanism.sites), 9)), np.zeros(3)
     none, nothing = np.empty((0, 0)), np.empty(0)
     q, v, q_next, ends, counts = q0.copy(), v0.copy(), np.zeros(len(inputs.prescribed)), [], []
-    spent = np.zeros(len(inputs.time_s) - 1)
+    spent, converges = np.zeros(len(inputs.time_s) - 1), np.ones(len(inputs.time_s) - 1, dtype=bool)
     for k in range(len(inputs.time_s) - 1):
         begun = len(ends)
 
@@ -100,13 +100,14 @@ def substeps_of(mechanism, inputs, q0, v0):
             if not converged and size > 1:
                 q[:], v[:] = before
             else:
+                converges[k] &= converged
                 share = (done + size) / PARTS
                 ends.append((1.0 - share) * inputs.time_s[k] + share * inputs.time_s[k + 1])
             return converged
 
         cut(tried)
         counts.append(len(ends) - begun)
-    return np.array(ends), np.array(counts), spent
+    return np.array(ends), np.array(counts), spent, converges
 
 
 @pytest.mark.parametrize("name", ["landing", "catching"])
@@ -116,7 +117,7 @@ def test_run_whose_steps_are_cut_is_a_run_on_the_grid_of_its_pieces(name):
     walk = walked(name)
     setting, _, _ = SETTINGS[name]
     inputs, record = inputs_of(walk, hard_walker(setting)[0]), walk.record
-    ends, counts, spent = substeps_of(walk.mechanism, inputs, record.q0, record.v0)
+    ends, counts, spent, _ = substeps_of(walk.mechanism, inputs, record.q0, record.v0)
     np.testing.assert_array_equal(counts, record.parts)
     np.testing.assert_array_equal(spent, record.iterations)
     assert record.parts.max() > 1 and record.converged.all()
@@ -135,8 +136,12 @@ def test_run_whose_steps_are_cut_is_a_run_on_the_grid_of_its_pieces(name):
 
 def test_step_that_converges_in_no_size_is_kept_and_counted():
     """A smallest piece has at least LEVELS others beside it."""
-    record = walked("lost").record
-    assert np.count_nonzero(~record.converged) == 2
+    walk = walked("lost")
+    record = walk.record
+    *_, converges = substeps_of(walk.mechanism, inputs_of(walk, hard_walker(SETTINGS["lost"][0])[0]), record.q0,
+                                record.v0)
+    assert not converges.all()
+    np.testing.assert_array_equal(record.converged, converges)
     assert np.all(record.parts[~record.converged] > LEVELS)
     assert np.all(record.iterations <= MAX_ITERATIONS * 2 * PARTS)
     assert np.isfinite(record.q).all() and np.isfinite(record.sites).all()
