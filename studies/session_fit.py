@@ -48,6 +48,7 @@ PARTS = Path("results/session_fit")
 SEED = 0
 METRICS = ("grf_rmse_bw", "null_model_grf_rmse_bw", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw",
            "cop_rmse_fl", "cop_ml_rmse_fl")
+QUICK = {"starts": 1, "tolerance": 0.01, "step_s": 8e-3, "report_step_s": 8e-3}
 FITTED, SAME, UNSEEN, SPEED, DAY = "fitted", "same setting", "unseen setting", "another speed", "another day"
 FLOORS = ("floor_bw", "own_floor_bw")
 SEEN_ON_PEOPLE = {"held_out_grf_rmse_bw": (0.04, 0.09), "null_model_grf_rmse_bw": (0.02, 0.05)}
@@ -85,7 +86,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the sessions; with other speeds they judge")
     parser.add_argument("--out", type=Path, help=f"folder to write to; {RESULTS} unless --quick or --data is given")
     parser.add_argument("--workers", type=int, default=2, help="processes, a fit each")
-    parser.add_argument("--quick", action="store_true", help="one person, one start, two trials judge; needs --out")
+    parser.add_argument("--quick", action="store_true", help="one person, coarsely, two trials judge; needs --out")
     arguments = parser.parse_args()
     if not arguments.out and (arguments.quick or arguments.data != DATA):
         parser.error("a part of the study, or one of other data, must not replace it: give --out")
@@ -148,7 +149,7 @@ def fit_of(case: Case, data: Path, quick: bool = False) -> ContactFit:
     """The fit as `vsf-drake fit` makes it of two trials and curves."""
     bench = None if case.passive else load_measured_bench(data / case.person / "bench_curves.csv")
     return ContactFit([read(data, case, name) for name in case.fitted], bench=bench,
-                      options=ContactFitOptions(seed=SEED, **({"starts": 1} if quick else {})))
+                      options=ContactFitOptions(seed=SEED, **(QUICK if quick else {})))
 
 
 def walked(solution: ContactFitSolution, trial: Trial) -> WalkMetrics:

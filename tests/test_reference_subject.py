@@ -236,15 +236,16 @@ def test_what_drove_the_prosthesis_gives_its_plate_again():
 
 @pytest.mark.slow
 def test_a_motion_is_made_to_carry_the_wished_force():
-    """Each correction leaves two thirds of the error or less; the recorded motion has had eight."""
+    """Each correction aims at seven tenths of the error and leaves two thirds or less; a recorded motion has had eight.
+    In one call, as there: what balances the body at its end does not follow the force; a next call starts from it."""
     draw, subject = draw_trials(SEED)[NAMES.index("high_1")], load_yaml(FOLDER / "subject.yaml", Subject)
     person, prosthesis = Person(subject, default_model()), prosthesis_of(subject, draw.fulcrum_m)
-    attempt = start(draw, base_motion)
+    attempt, corrections = start(draw, base_motion), 3
     stage = set_stage(person, draw, prosthesis, attempt.time_s)
     place(person, attempt, stage)
     wished, off = WEIGHT * prosthetic_force(draw, attempt.time_s), []
-    for step in range(3):
-        if step:
-            polish(person, attempt, prosthesis, stage, 1)
+    for steps in (0, corrections):
+        if steps:
+            polish(person, attempt, prosthesis, stage, steps)
         off.append(np.sqrt(np.mean((forward(person, prosthesis, attempt).force - wished) ** 2)))
-    assert off[0] < 0.3 * WEIGHT and off[1] < 0.667 * off[0] and off[2] < 0.667 * off[1]
+    assert off[0] < 0.3 * WEIGHT and off[1] < (2 / 3) ** corrections * off[0]
