@@ -35,7 +35,7 @@ from vsf_drake.schema import load_yaml
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "reference_subject"
 SEED = 1
-STEPS, QUICK_STEPS = 8, 3
+STEPS, QUICK_STEPS = 8, 1
 """How often the motion is corrected by what the virtual prosthesis carries."""
 
 
