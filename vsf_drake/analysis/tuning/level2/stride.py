@@ -397,17 +397,21 @@ def quasi_static_motion(
         return lifted(0.0, start)
     except SimulationError as error:
         stalled = error
-    height, lower, step, w, u = np.inf, LIFTED_M, SET_DOWN_M, None, None
+    try:
+        w, u = lifted(LIFTED_M, None)
+    except SimulationError:
+        raise stalled from None
+    height, step = LIFTED_M, SET_DOWN_M
     while height > 0.0:
+        lower = max(height - step, 0.0)
         try:
             w, u = lifted(lower, w)
         except SimulationError:
             step *= 0.25
-            if w is None or step < LEAST_DOWN_M:
+            if step < LEAST_DOWN_M:
                 raise stalled from None
         else:
             height, step = lower, 2.0 * step
-        lower = max(height - step, 0.0)
     return w, u
 
 
