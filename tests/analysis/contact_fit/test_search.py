@@ -62,9 +62,7 @@ def halfway(few_free):
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_every_solver_finds_the_same_minimum_in_few_walks(fit, minimum, solver):
-    """In steps of 1 ms: in those of 2 ms the cost jumps by 0.007 beside the minimum, and a search may end on either
-    side."""
-    problem = fit(solver=solver, iterations=20 if solver == "nlopt" else 100, step_s=1e-3)
+    problem = fit(solver=solver, iterations=20 if solver == "nlopt" else 100)
     found = search(problem, problem.parameters.start)
     assert found.success, found.message
     assert found.evaluations == problem.evaluations <= MOST[solver] and found.failed == 0
@@ -74,13 +72,14 @@ def test_every_solver_finds_the_same_minimum_in_few_walks(fit, minimum, solver):
     gradient, curvature = at.jacobian.T @ at.residual, at.jacobian.T @ at.jacobian
     assert 0.5 * gradient @ np.linalg.solve(curvature, gradient) < 1e-3, "what a last step would gain"
     minimum.setdefault("cost", found.cost), minimum.setdefault("u", found.u)
-    assert found.cost == pytest.approx(minimum["cost"], abs=1e-3)
+    # Beside the minimum the cost jumps by 0.007 in steps of 2 ms: a search may end on either side.
+    assert found.cost == pytest.approx(minimum["cost"], abs=0.01)
     np.testing.assert_allclose(found.u, minimum["u"], atol=0.02)
 
 
 @pytest.mark.parametrize("solver", ["gauss_newton", "snopt"])
 def test_a_walk_that_fails_on_the_way_is_survived(fit, monkeypatch, minimum, solver):
-    problem = failing(fit(solver=solver, step_s=1e-3), monkeypatch, lambda _, i: i == 1)
+    problem = failing(fit(solver=solver), monkeypatch, lambda _, i: i == 1)
     found = search(problem, problem.parameters.start)
     assert found.success and found.failed == 1, found.message
     if minimum:
