@@ -105,6 +105,7 @@ def test_shifted_centre_of_pressure_is_the_shift_in_foot_lengths():
     m = walk_metrics(make_walk(cop_shift=(0.02, -0.01)), make_plate())
     assert m.cop_rmse_fl == pytest.approx(0.02 / FOOT_LENGTH_M, rel=1e-3)
     assert m.cop_ml_rmse_fl == pytest.approx(0.01 / FOOT_LENGTH_M, rel=1e-2)
+    assert m.foot_length_m == FOOT_LENGTH_M, "the length that both are shares of"
     variance = (0.9 * FOOT_LENGTH_M * m.stance_measured_s / (LIFT_S - STRIKE_S)) ** 2 / 12.0
     assert m.cop_r2 == pytest.approx(1.0 - 0.02**2 / variance, rel=3e-2)
     assert m.cop_points == pytest.approx(101, abs=3)

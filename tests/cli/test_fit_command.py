@@ -38,7 +38,9 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     assert "SYNTHETIC, not recorded: medium_1, the bench." in said and "Trials (SYNTHETIC)" in said
     assert all(f"- {sentence}" in said for sentence in table["verdict"])
     row = next(line for line in said.splitlines() if line.startswith("medium_1"))
-    assert f"{100 * table['trials'][0]['metrics']['grf_rmse_bw']:.1f}" in row.split()
+    metrics = table["trials"][0]["metrics"]
+    assert all(f"{100 * metrics[key]:.1f}" in row.split() for key in ("grf_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl"))
+    assert f"FL: length of the model's prosthetic foot, {1e3 * metrics['foot_length_m']:.0f} mm" in said
     assert "offset.height" in said and "Smooth errors of joint angles" in said
     assert "curve.hip_flexion_r.0 " not in said and "friction.mu_static" not in said
 

@@ -22,8 +22,8 @@ from vsf_drake.report import outputs
 
 EMBEDDED = {path.stem: path for path in embedded_trials("exact")}
 LOW, MEDIUM = EMBEDDED["low_1"], EMBEDDED["medium_1"]
-COLUMNS = ["grf_rmse_bw", "cop_rmse_fl", "vertical_impulse_error", "peak_vertical_bw", "unconverged_steps",
-           "refined_steps", "failure", "notes"]
+COLUMNS = ["grf_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl", "vertical_impulse_error", "peak_vertical_bw",
+           "unconverged_steps", "refined_steps", "failure", "notes"]
 STIFFNESS = "contact.forefoot.stiffness"
 
 HEEDING_CTRL_C = """
@@ -79,7 +79,7 @@ def test_a_row_says_what_simulate_says_of_the_same_walk(run, tmp_path):
     assert list(first) == ["trial", "fulcrum_mm", *COLUMNS]
     assert (first["trial"], first["failure"]) == (load_trial(MEDIUM).name, "")
     assert (float(first["fulcrum_mm"]), float(second["fulcrum_mm"])) == (108.0, 120.0)
-    for name in ("grf_rmse_bw", "cop_rmse_fl", "vertical_impulse_error"):
+    for name in ("grf_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl", "vertical_impulse_error"):
         assert float(first[name]) == pytest.approx(metrics[name], rel=1e-9)
         assert float(second[name]) != pytest.approx(metrics[name], rel=1e-3)
     peaks = [max(stance["model_peaks_bw"][f"vertical_{half}_half"] for half in ("first", "second"))

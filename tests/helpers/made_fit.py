@@ -29,6 +29,7 @@ ODD = "<b>odd</b> $x_$ ü"
 POSITIONS = np.linspace(0.066, 0.151, 18)
 METRICS = replace(
     walk_metrics(make_walk(), make_plate()), grf_rmse_bw=0.02, grf_r2=0.99, fore_aft_rmse_bw=0.01, cop_rmse_fl=0.03,
+    cop_ml_rmse_fl=0.127,
     impulse_rmse_bws=0.004, stance_model_s=0.59, stance_measured_s=0.6, scored_window_s=((0.1, 1.1),),
     null_model_grf_rmse_bw=0.05)
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 from made_contact import made_contact
 from made_fit import BENCH, METRICS, failed_fit, made_fit, made_trial
+from made_results import FOOT_LENGTH_M
 from matplotlib.figure import Figure
 from page_reader import Balanced
 
@@ -51,6 +52,8 @@ def test_every_trial_stands_there_with_all_its_numbers_and_what_is_there_is_expl
     text = re.sub(r"<[^>]*>", "|", page)
     for trial in made_fit().trials[:2]:
         assert "||".join(trial_cells(trial)) in text and len(HEADINGS) == len(trial_cells(trial))
+    assert "|12.7|" in text and "length of the model&#39;s prosthetic foot" in page.replace("'", "&#39;")
+    assert f"{1e3 * FOOT_LENGTH_M:.0f} mm, in both directions" in page
     explained = ("The null model is", "The floor is", "The sweep moves")
     assert all(words in page for words in (*explained, "right of its diamond"))
     bare = made_trial(metrics=replace(METRICS, null_model_grf_rmse_bw=None), floor_grf_rmse_bw=None, sweep=None)

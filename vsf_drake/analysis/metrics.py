@@ -2,7 +2,8 @@
 
 Definitions (McGeehan 2021 where it states one, doi 10.1115/1.4050456):
 
-- BW is the subject's mass times 9.81 m/s²; FL is the length of the prosthetic foot.
+- BW is the subject's mass times 9.81 m/s²; FL is the length of the model's prosthetic foot, for both directions of the
+  centre of pressure (it is the recorded foot's where `import --scale-prosthesis` made it so).
 - Forces are compared over every measured stance ± 0.25 s, clipped to the simulated time, time-locked, both low-passed
   at 40 Hz. The resultant is the Euclidean norm of the filtered force.
 - Impulse: the integral of the resultant from the start of the measured stance, or of the simulated time, on.
@@ -81,7 +82,7 @@ class Agreement:
     impulse_rmse_bws: float | None
     impulse_r2: float | None
     cop_rmse_fl: float | None  # fore-aft
-    cop_ml_rmse_fl: float | None
+    cop_ml_rmse_fl: float | None  # lateral
     cop_r2: float | None
     cop_points: int
     stance_measured_s: float | None  # mean of the stances that are simulated as a whole
@@ -94,6 +95,7 @@ class Agreement:
     coverage: float | None  # share of the stances and their margins that is simulated
     heading_deg: float  # of the walk from W's x axis to its y axis
     body_weight_n: float
+    foot_length_m: float  # FL: of the model's prosthetic foot
 
     @property
     def stance_error_s(self) -> float | None:
@@ -188,7 +190,8 @@ def agreement(c: Comparison, plate: PlateRecording, *, body_weight_n: float, foo
         extra_model_stances=c.extra_model_stances,
         scored_window_s=tuple((float(c.time_s[start]), float(c.time_s[stop - 1])) for start, stop in runs(s)),
         coverage=sum(item.span[1] - item.span[0] for item in c.stances) / wanted if wanted else None,
-        heading_deg=float(np.degrees(np.arctan2(c.heading[1], c.heading[0]))), body_weight_n=body_weight_n)
+        heading_deg=float(np.degrees(np.arctan2(c.heading[1], c.heading[0]))), body_weight_n=body_weight_n,
+        foot_length_m=foot_length_m)
 
 
 def stance_curve(plate: PlateRecording, *, subject_mass_kg: float) -> np.ndarray | None:

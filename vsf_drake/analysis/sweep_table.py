@@ -19,7 +19,8 @@ from vsf_drake.simulation.variables import Variable
 
 SCORES = {
     "grf_rmse_bw": ("body weights", "RMS error of the resultant force, both low-passed at 40 Hz, stances ± 0.25 s"),
-    "cop_rmse_fl": ("foot lengths", "RMS error of the centre of pressure, fore-aft"),
+    "cop_rmse_fl": ("foot lengths", "RMS error of the centre of pressure, fore-aft, in lengths of the model's foot"),
+    "cop_ml_rmse_fl": ("foot lengths", "RMS error of the centre of pressure, lateral, in lengths of the model's foot"),
     "vertical_impulse_error": ("1", "vertical impulse, model over plate, minus one"),
     "peak_vertical_bw": ("body weights", "largest vertical force of the model in a measured stance"),
     "unconverged_steps": ("1", "steps accepted without convergence"),
@@ -34,6 +35,7 @@ class Scores:
 
     grf_rmse_bw: float | None = None
     cop_rmse_fl: float | None = None
+    cop_ml_rmse_fl: float | None = None
     vertical_impulse_error: float | None = None
     peak_vertical_bw: float | None = None
     unconverged_steps: int | None = None
@@ -139,6 +141,7 @@ def _scores(outcome: WalkOutcome) -> tuple[Scores, float | None]:
                        foot_length_m=trial.model.foot.length_m)
     of_walk = Scores(
         grf_rmse_bw=agreed.grf_rmse_bw, cop_rmse_fl=agreed.cop_rmse_fl,
+        cop_ml_rmse_fl=agreed.cop_ml_rmse_fl,
         vertical_impulse_error=agreed.vertical_impulse_error, peak_vertical_bw=agreed.peak_vertical_bw("model"),
         unconverged_steps=outcome.unconverged_steps, refined_steps=outcome.refined_steps)
     return of_walk, agreed.peak_vertical_bw("measured")

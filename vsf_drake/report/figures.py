@@ -43,7 +43,8 @@ MOST_LABELLED = 4  # stances that the legend tells apart; a longer recording sho
 PROSTHETIC, INTACT, BOTH = colour_of(66.0), colour_of(151.0), "0.1"
 LIMIT_MM = 1e3 * LARGEST_DRIFT_M  # where standing still ends, marked in the figure
 _PANELS = (("grf_rmse_bw", 100.0, "RMS error (% body weight)", "Resultant force"),
-           ("cop_rmse_fl", 100.0, "RMS error (% foot length)", "Centre of pressure, fore-aft"),
+           ("cop_rmse_fl", 100.0, "RMS error (% length of the model's foot)",
+            "Centre of pressure (dashed: lateral)"),
            ("peak_vertical_bw", 1.0, "vertical force (body weights)", "Peak of the model"))
 _WIDE = 20.0  # ratio of largest to smallest value above which the axis is logarithmic
 
@@ -166,8 +167,8 @@ def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
     return {zone: result.sphere_normal_n[:, names == zone].sum(axis=1) for zone in dict.fromkeys(result.sphere_zones)}
 
 
-def _error(value: float | None, unit: str) -> str:
-    return "" if value is None else f", RMSE {value:.3f} {unit}"
+def _error(value: float | None, unit: str, what: str = "RMSE") -> str:
+    return "" if value is None else f", {what} {value:.3f} {unit}"
 
 
 def _shade(axes: Axes, comparison: Comparison) -> None:
@@ -201,7 +202,8 @@ def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, 
         axes.legend(loc="upper left")
     axes.set_xlim(0.0, 100.0)
     label(axes, x="measured stance (%)", y="ahead of the plate's\nrearmost point (foot lengths)",
-          title="Centre of pressure along the foot" + _error(metrics.cop_rmse_fl, "FL"))
+          title="Centre of pressure along the foot" + _error(metrics.cop_rmse_fl, "FL")
+          + _error(metrics.cop_ml_rmse_fl, "FL", "lateral"))
 
 
 def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
@@ -276,6 +278,10 @@ def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
                 colour = colour_of(trial.fulcrum_mm)
                 scores = [(row.varied(name), getattr(row.scores, key)) for row in own]
                 known = sorted((x, factor * score) for x, score in scores if score is not None)
+                if key == "cop_rmse_fl":
+                    lateral = sorted((row.varied(name), factor * row.scores.cop_ml_rmse_fl) for row in own
+                                     if row.scores.cop_ml_rmse_fl is not None)
+                    axes.plot([x for x, _ in lateral], [y for _, y in lateral], "--", linewidth=1.0, color=colour)
                 lines += axes.plot([x for x, _ in known], [y for _, y in known], marker=MARKERS[number % len(MARKERS)],
                                    markersize=4, linewidth=1.4, color=colour)
                 for lost in (row.varied(name) for row in own if row.failure):

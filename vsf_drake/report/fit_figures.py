@@ -253,9 +253,9 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
                       color=NEUTRAL)
         axes.set_xlim(0.0, 100.0)
         label(axes, x="stance (%)", y="ahead of its rearmost (% FL)",
-              title=f"Centre of pressure{off(metrics.cop_rmse_fl, 'FL')}")
+              title=f"CoP{off(metrics.cop_rmse_fl, 'FL')}; lateral{off(metrics.cop_ml_rmse_fl, 'FL')}")
         names = ("reference (synthetic)" if trial.synthetic else "force plate",
-                 "fitted model (off: root mean square; FL: foot length)")
+                 "fitted model (off: root mean square; FL: length of the model's foot)")
         _finish(figure, [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)], 2)
         kind = ", SYNTHETIC" if trial.synthetic else ""
         figure.suptitle(f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} mm{kind}", x=0.01, ha="left",

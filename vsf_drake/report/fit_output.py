@@ -33,6 +33,7 @@ _SCORES: tuple[tuple[str, Callable[[TrialScore], float | None], str, float], ...
     ("R²", lambda score: score.metrics.grf_r2, "{:.3f}", 1.0),
     ("fore-aft\n% BW", lambda score: score.metrics.fore_aft_rmse_bw, "{:.1f}", 100.0),
     ("CoP\n% FL", lambda score: score.metrics.cop_rmse_fl, "{:.1f}", 100.0),
+    ("CoP\nlateral\n% FL", lambda score: score.metrics.cop_ml_rmse_fl, "{:.1f}", 100.0),
     ("impulse\nBW s", lambda score: score.metrics.impulse_rmse_bws, "{:.3f}", 1.0),
     ("stance\nerror s", lambda score: score.metrics.stance_error_s, "{:+.3f}", 1.0),
     ("null\nmodel\n% BW", lambda score: score.metrics.null_model_grf_rmse_bw, "{:.1f}", 100.0),
@@ -98,6 +99,7 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
         angle_error_rows=[(row.role, f"{row.sd_deg:g}", str(row.walks), str(row.failed),
                            number(row.grf_rmse_bw, "{:.1f}", 100.0), number(row.grf_rmse_bw_worst, "{:.1f}", 100.0),
                            f"{row.beats_null} of {row.beats_null_of}") for row in table.angle_errors],
+        foot_length_m=scores[0].metrics.foot_length_m if scores else None,
         null_known=any(score.metrics.null_model_grf_rmse_bw is not None for score in scores),
         floor_known=any(score.floor_grf_rmse_bw is not None for score in scores),
         sweep_known=any(score.sweep is not None for score in scores),
@@ -113,8 +115,8 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
         reference_depth_mm=1e3 * REFERENCE_DEPTH_M, smooth=smooth_errors(table),
         noise_rows=[(row.trial, row.series, f"{row.ratio:.2f}") for row in table.noise_ratios],
         left_out_rows=[(row.kind, ", ".join(row.left_out), *(
-            (f"failed: {row.failed}", "") if row.failed else
-            (number(row.grf_rmse_bw, "{:.1f}", 100.0), number(row.cop_rmse_fl, "{:.1f}", 100.0))))
+            (f"failed: {row.failed}", "", "") if row.failed else
+            (number(error, "{:.1f}", 100.0) for error in (row.grf_rmse_bw, row.cop_rmse_fl, row.cop_ml_rmse_fl))))
             for row in table.left_out],
         search_rows=[(str(i), _cost(s.start_cost), _cost(s.cost), str(s.evaluations), str(s.failed),
                       "yes" if s.success else "NO", s.message) for i, s in enumerate(table.searches, start=1)],

@@ -174,7 +174,8 @@ def scored(monkeypatch):
     """Each left-out trial's error is its fulcrum position."""
     def score(fewer, trial, label, name, *_):
         assert not hasattr(fewer, "left") or (label is None and name in fewer.left)
-        return SimpleNamespace(metrics=SimpleNamespace(grf_rmse_bw=trial.fulcrum_m, cop_rmse_fl=None))
+        return SimpleNamespace(metrics=SimpleNamespace(
+            grf_rmse_bw=trial.fulcrum_m, cop_rmse_fl=None, cop_ml_rmse_fl=0.5 * trial.fulcrum_m))
 
     monkeypatch.setattr(module, "_trial_score", score)
 
@@ -187,6 +188,7 @@ def test_each_trial_and_each_stiffness_is_left_out_once(scored, trials):
         ("stiffness", ("low_1", "low_2")), ("stiffness", ("high_1",))]
     assert [row.grf_rmse_bw for row in found] == pytest.approx([0.066, 0.066, 0.151, 0.066, 0.151])
     assert all(row.cop_rmse_fl is None and not row.failed for row in found)
+    assert [row.cop_ml_rmse_fl for row in found] == pytest.approx([0.5 * row.grf_rmse_bw for row in found])
     assert len(model.fitted_without) == 4, "the one stiff trial is a trial and a stiffness, fitted without once"
 
 

@@ -83,6 +83,7 @@ class LeftOut:
     left_out: tuple[str, ...]
     grf_rmse_bw: float | None
     cop_rmse_fl: float | None
+    cop_ml_rmse_fl: float | None = None
     failed: str = ""
 
 
@@ -213,7 +214,8 @@ def _without(solution: ContactFitSolution, kind: str, labels: tuple[str, ...]) -
     except (FitError, SimulationError) as error:
         return replace(row, failed=str(error))
     return replace(row, grf_rmse_bw=_mean(m.grf_rmse_bw for m in metrics),
-                   cop_rmse_fl=_mean(m.cop_rmse_fl for m in metrics))
+                   cop_rmse_fl=_mean(m.cop_rmse_fl for m in metrics),
+                   cop_ml_rmse_fl=_mean(m.cop_ml_rmse_fl for m in metrics))
 
 
 def _mean(values: Iterable[float | None]) -> float | None:

@@ -292,7 +292,7 @@ SCORED = (
     "stance_model_s", "heel_strike_error_s", "toe_off_error_s", "vertical_rmse_bw", "fore_aft_rmse_bw",
     "medio_lateral_rmse_bw", "free_moment_rmse_nm", "free_moment_r2")
 """Keys of a row that are averaged over the walks of a condition."""
-WORST = ("grf_rmse_bw", "impulse_rmse_bws", "cop_rmse_fl")
+WORST = ("grf_rmse_bw", "impulse_rmse_bws", "cop_rmse_fl", "cop_ml_rmse_fl")
 LEAST_FOR_R = 3
 """Walks that a correlation needs."""
 PUBLISHED = {

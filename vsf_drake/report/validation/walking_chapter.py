@@ -260,6 +260,7 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
             _marks(axes, rows, key, scale, marker="o", markersize=7, markeredgewidth=1.5)
             if all(getattr(row, key) is None for row in rows):
                 axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", color="0.35")
+        _marks(panels[0, 1], rows, "cop_ml_rmse_fl", 100.0, shift=0.2, marker="D", markersize=4)
         for place, row in enumerate(rows):
             if row.null_model_grf_rmse_bw is not None:
                 panels[0, 0].plot(place, 100.0 * row.null_model_grf_rmse_bw, marker="x", color="0.1", markersize=6)
@@ -275,7 +276,7 @@ def walk_errors_figure(table: WalkingTable) -> Figure:
                                    ("stance_error_s", "s", 0.18)):
             _marks(panels[1, 1], rows, key, 1e3, shift=shift, marker=marker, markersize=6)
         label(panels[0, 0], x="", y="RMS error (% BW)", title="Resultant force")
-        label(panels[0, 1], x="", y="RMS error (% foot length)", title="Centre of pressure, fore-aft")
+        label(panels[0, 1], x="", y="RMS error (% foot length)", title="Centre of pressure (small: lateral)")
         label(panels[1, 0], x="walk", y="RMS error (BW s)", title="Impulse of the resultant")
         label(panels[1, 1], x="walk", y="model less plate (ms)", title="Times (late +)")
         for axes in panels.ravel():
