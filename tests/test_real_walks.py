@@ -14,6 +14,7 @@ import yaml
 from command_line import exit_code, read_json
 from scipy.signal import find_peaks
 
+from vsf_drake.analysis.metrics import OFFSETS_BW, UNFITTED_BW
 from vsf_drake.motion.events import kinematic_stances, walking_direction
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import low_pass
@@ -36,14 +37,15 @@ CONTACTS = {
 BY_ANGLES_BW = {"left": 0.094, "right": 0.128}  # resultant error of example3DWalking from OpenSim's own joint angles
 
 
-def simulated(folder, shared_data, name, side):
-    """Trial, metrics and result of `vsf-drake simulate --fit-offsets`."""
+def simulated(folder, shared_data, name, side, *, fit_offsets=True):
+    """Trial, metrics and result of `vsf-drake simulate`."""
     files, stated = WALKS[name]
     (folder / "subject.yaml").write_text(yaml.safe_dump(stated | {"sex": "male", "prosthetic_side": side}))
     path = folder / "trial.yaml"
     path.write_text(yaml.safe_dump({"subject": "subject.yaml", "prosthesis": {"fulcrum_mm": 108}}
                                    | {key: str(shared_data / file) for key, file in files.items()}))
-    assert exit_code("simulate", path, "--out", folder / "out", "--fit-offsets") == 0
+    options = ["--fit-offsets"] if fit_offsets else []
+    assert exit_code("simulate", path, "--out", folder / "out", *options) == 0
     return load_trial(path), read_json(folder / "out" / "metrics.json"), load_walk(folder / "out")
 
 
@@ -95,6 +97,16 @@ def test_walk_of_markers(shared_data, tmp_path, name, side):
         rows = (trial.prosthetic_plate.time_s >= first) & (trial.prosthetic_plate.time_s < second)
         total = sum(plate.force_W[rows, 2] for plate in trial.plates.values())
         assert trial.subject.mass_kg == pytest.approx(total.mean() / 9.80665, rel=0.01)
+
+
+@pytest.mark.slow
+def test_unfitted_walks_are_worth_what_simulate_says(shared_data, tmp_path):
+    found = {True: [], False: []}
+    for name, side in ((name, side) for name in WALKS for side in ("right", "left")):
+        for fitted, errors in found.items():
+            errors.append(simulated(tmp_path, shared_data, name, side, fit_offsets=fitted)[1]["grf_rmse_bw"])
+    for fitted, said in ((False, UNFITTED_BW), (True, OFFSETS_BW)):
+        assert (min(found[fitted]), max(found[fitted])) == pytest.approx(said, abs=0.01)
 
 
 def assert_events_agree(trial):

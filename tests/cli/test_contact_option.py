@@ -10,6 +10,8 @@ import yaml
 from command_line import read_json
 from made_contact import OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
+from vsf_drake.analysis.metrics import UNFITTED
+from vsf_drake.analysis.validation.study import embedded_contact_beside
 from vsf_drake.contact_file import save_contact
 from vsf_drake.files import resource, sha256
 from vsf_drake.motion.fitted_trial import fingerprint
@@ -42,6 +44,31 @@ def test_simulate_walks_on_the_fitted_contact_and_says_which(run, tmp_path, cont
     forefoot = about["parameters"]["model"]["foot"]["zones"][-1]
     assert (forefoot["stiffness"], forefoot["exponent"]) == (2e5, 1.4)
     assert about["parameters"]["offsets"]["height_m"] == pytest.approx(2.5e-3)
+
+
+def test_an_embedded_walk_has_the_embedded_contact_unless_told_otherwise(run, tmp_path):
+    beside = TRIAL.with_name("contact.yaml")
+    code, out, _ = run("simulate", TRIAL, "--out", tmp_path / "walk", "--no-replay", "--step-ms", "2")
+    assert code == 0 and "The embedded contact is taken" in out.splitlines()[0] and UNFITTED not in out
+    about = yaml.safe_load((tmp_path / "walk" / "result.yaml").read_text(encoding="utf-8"))
+    assert about["provenance"]["inputs_sha256"]["contact: contact.yaml"] == sha256(beside)
+    fitted = read_json(tmp_path / "walk" / "metrics.json")
+    bare = ("simulate", TRIAL, "--out", tmp_path / "walk", "--no-replay", "--step-ms", "2", "--contact", "none")
+    code, out, _ = run(*bare)
+    assert code == 0 and out.startswith(f"! {UNFITTED}: the foot is a first guess") and out.count(UNFITTED) == 1
+    unfitted = read_json(tmp_path / "walk" / "metrics.json")
+    about = yaml.safe_load((tmp_path / "walk" / "result.yaml").read_text(encoding="utf-8"))
+    assert unfitted["notes"][0] == about["notes"][0] == out.splitlines()[0].removeprefix("! ")
+    assert f"vsf-drake fit {TRIAL} " in unfitted["notes"][0] and UNFITTED in (tmp_path / "walk/walk.svg").read_text()
+    assert not any("contact.yaml" in note for note in unfitted["notes"][1:])
+    assert unfitted["grf_rmse_bw"] > 5 * fitted["grf_rmse_bw"], "what a fit is worth"
+    assert embedded_contact_beside(resource("data/sessions/a/day_1/1p1/low_1.yaml")) is None
+
+
+def test_a_walk_with_its_offsets_fitted_to_its_own_plate_is_called_no_prediction(run, tmp_path, trial_files):
+    code, out, _ = run("simulate", trial_files.write(), "--out", tmp_path / "walk", "--no-replay", "--step-ms", "4",
+                       "--fit-offsets")
+    assert code == 0 and out.startswith(f"! {UNFITTED}:") and "no prediction" in out.splitlines()[0]
 
 
 def test_offsets_are_not_fitted_on_top_of_a_fitted_contact(run, tmp_path, contact):

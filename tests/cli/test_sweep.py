@@ -73,7 +73,7 @@ def test_a_row_says_what_simulate_says_of_the_same_walk(run, tmp_path):
     step = ("--step-ms", 2)
     code, out, _ = run("sweep", MEDIUM, "--out", tmp_path / "sweep", "--fulcrum-mm", "108,120", "--workers", 1, *step)
     assert code == 0 and "2 walks, 0 failed" in out
-    run("simulate", MEDIUM, "--out", tmp_path / "walk", "--no-replay", *step)
+    run("simulate", MEDIUM, "--out", tmp_path / "walk", "--no-replay", "--contact", "none", *step)
     metrics = read_json(tmp_path / "walk" / "metrics.json")
     first, second = rows(tmp_path / "sweep")
     assert list(first) == ["trial", "fulcrum_mm", *COLUMNS]

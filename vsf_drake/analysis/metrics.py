@@ -17,6 +17,7 @@ What cannot be known from a recording, such as a lateral force that nobody measu
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -44,6 +45,7 @@ from vsf_drake.simulation.results import WalkResult, coordinate_unit
 
 if TYPE_CHECKING:
     from vsf_drake.analysis.offsets import OffsetFit
+    from vsf_drake.motion.trial import Trial
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,6 +265,19 @@ USUAL_PEAK_BW = (0.8, 1.8)
 """Range of the measured peak resultant in walking (body weights); outside it the mass is the first suspect."""
 FAR_COP_FL = 1.0  # distance between the two centres of pressure (foot lengths) at which they are not of the same foot
 SCUFF_BW = 0.05  # contact of the swinging foot (body weights) that is worth a sentence
+UNFITTED = "UNFITTED"  # how the note of a walk begins whose foot was fitted to nobody
+UNFITTED_BW, OFFSETS_BW = (0.14, 0.48), (0.14, 0.21)
+"""Least and largest RMS error of the resultant force of the nominal foot under recorded walks of people, as they are
+and with the offsets fitted to the same plate: six predictions (tests/test_real_walks.py) of two people without a
+prosthesis, either of whose ankles the foot replaces. Synthetic persons (data/sessions): 0.23 to 0.44, 0.04 to 0.08."""
+
+
+def unfitted_note(trial: Trial, *, offsets_fitted: bool) -> str:
+    """What a walk of `trial` is worth whose foot was fitted to nobody, and the commands that do better; its words begin
+    with UNFITTED."""
+    [note] = say("unfitted", begins=UNFITTED, trial=shlex.quote(str(trial.path)), offsets_fitted=offsets_fitted,
+                 worth_bw=UNFITTED_BW, offsets_bw=OFFSETS_BW)
+    return note
 
 
 def warnings(result: WalkResult, comparison: Comparison, metrics: WalkMetrics, fit: OffsetFit | None) -> list[str]:

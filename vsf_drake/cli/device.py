@@ -173,7 +173,9 @@ def stand(
 def simulate(
     trial: Annotated[Path, typer.Argument(parser=path, help="Trial manifest (YAML).")],
     out: Out,
-    contact: Contact = None,
+    contact: Annotated[Path | None, typer.Option(parser=path, help=(
+        "File of a contact fit, whose numbers replace the model's; none: the unfitted foot. Default: the embedded "
+        "contact for embedded trials, unless offsets are fitted, else none."))] = None,
     fit_offsets: Annotated[bool, typer.Option(
         "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis.")] = False,
     step_ms: Annotated[float, typer.Option(help="Step of the simulation.")] = 1.0,
@@ -181,15 +183,22 @@ def simulate(
 ) -> None:
     """Drives the person by a recording and compares the predicted ground reaction with the force plate."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
-    from vsf_drake.analysis.validation.study import walk_trial
+    from vsf_drake.analysis.metrics import UNFITTED, unfitted_note
+    from vsf_drake.analysis.validation.study import embedded_contact_beside, walk_trial
     from vsf_drake.report.outputs import WALK, write_walk
 
+    embedded = embedded_contact_beside(trial) if contact is None and not fit_offsets else None
+    contact = embedded if contact is None else None if contact == Path("none") else contact
     cli.check_contact_use(contact, fit_offsets=fit_offsets)
     WALK.check(out)
     [recorded] = cli.read_trials([trial], contact)
+    if contact is None:
+        note = unfitted_note(recorded, offsets_fitted=fit_offsets)
+        recorded = dataclasses.replace(recorded, notes=(note, *recorded.notes))
     with progress() as show:
         walk = walk_trial(recorded, with_fit=fit_offsets, step_s=1e-3 * step_ms, progress=show)
     metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, replay=replay)
-    cli.print_text("walk", **metrics, alignment_deg=math.degrees(metrics["offsets"]["alignment_rad"]),
+    cli.print_text("walk", **metrics, embedded=embedded, unfitted=UNFITTED,
+                   alignment_deg=math.degrees(metrics["offsets"]["alignment_rad"]),
                    offsets_are="with those of the fitted contact" if contact else "not fitted")
     say(f"written to {out}")

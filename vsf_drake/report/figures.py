@@ -16,7 +16,7 @@ from matplotlib.typing import ColorType
 
 from vsf_drake.analysis.bench_metrics import BenchTable, closed_form_stiffness, displacement, published_stiffness
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
-from vsf_drake.analysis.metrics import Agreement
+from vsf_drake.analysis.metrics import UNFITTED, Agreement
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.report.style import (
@@ -130,6 +130,7 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
     colour = colour_of(fulcrum_mm)
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
+    state += f", {UNFITTED}" if any(note.startswith(UNFITTED) for note in result.notes) else ""
     with drawing(11.0, 8.2) as figure:
         panels = figure.subplots(3, 2)
         for axes, name, column, error in (

@@ -169,6 +169,12 @@ def embedded_contact(tier: str = TIERS[0]) -> Path:
     return resource(f"{_EMBEDDED}/{tier}/contact.yaml")
 
 
+def embedded_contact_beside(manifest: str | Path) -> Path | None:
+    """The embedded contact of the tier that a manifest stands in; None where it is none of the embedded ones."""
+    beside = Path(manifest).with_name("contact.yaml")
+    return beside if beside.is_file() and sha256(beside) in map(sha256, map(embedded_contact, TIERS)) else None
+
+
 def embedded_bench() -> Path:
     """Load-displacement curves of the embedded trials' foot: the virtual laboratory's, synthetic."""
     return resource(f"{_EMBEDDED}/bench_curves.csv")
