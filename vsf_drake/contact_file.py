@@ -8,12 +8,16 @@
     values: {contact.forefoot.stiffness: 7.9e+3, offset.height: 0.002, coordinate.hip_flexion_r: 0.01}
     curves: [{coordinate: hip_flexion_r, coefficients: [0.0, 0.001, ...]}]
     trials: [{name: low 1, fingerprint: 3f..., height_m: 0.001, path: {pelvis_tx: [0.0, ...]}}]
+    momentum: {vertical_bw: [-0.02, ...], fore_aft_bw: [...], trials: [3f..., ...], ...}
+    discrepancy: {curves: [{fingerprint: 3f..., fulcrum_m: 0.066, vertical_bw: [...], ...}], shared: [...], own: [...]}
     provenance: {versions: {...}, seed: 0}
 
 `values` are variables of a walk (`vsf_drake.simulation.variables`): those of contact, friction, keel, fulcrum and
 socket replace the model's, offsets and coordinates are added to the trial's. The keel's modulus and the support's
 stiffness are always among them, fitted or not: foam that was fitted on one keel is wrong on another. `curves` are added
 over the gait cycle; height and path belong to one recording alone (`motion.fitted_trial`). SI units and radians.
+`momentum` and `discrepancy`, which a file need not have, are what the plates of the fitted recordings, told by their
+fingerprints, teach a prediction beyond the physics (`analysis.prediction`).
 """
 
 from __future__ import annotations
@@ -44,6 +48,8 @@ T = TypeVar("T", bound="DataclassInstance")
 FORMAT = "vsf_drake contact 1"
 FEWEST_COEFFICIENTS = 4  # of a cubic spline
 PATHS = ("pelvis_tx", "pelvis_tz")  # translations of the pelvis that a fit may correct recording by recording
+STANCE_POINTS = 101  # of a discrepancy's curves
+LARGEST_FORCE_BW = 2.0  # of a bias or a discrepancy, far beyond what any model errs by
 LARGEST_CORRECTION = 1.0  # rad, m: of a coordinate, far beyond what any recording errs by
 _UNITS = {
     r"contact\..+\.stiffness": "N/m^exponent", r"contact\..+\.exponent": "1", r"contact\..+\.damping": "N s/m",
@@ -89,6 +95,45 @@ class JointCurve:
         unit="rad (m for a translation)", low=-LARGEST_CORRECTION, high=LARGEST_CORRECTION, source="fitted")
 
 
+_force = functools.partial(quantity, unit="BW", low=-LARGEST_FORCE_BW, high=LARGEST_FORCE_BW,
+                           source="plates of the fitted trials")
+_share = functools.partial(quantity, unit="1", low=0.0, high=1.0, source="left out in turn")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MomentumBias:
+    """What the recorded motion's m (a_com - g) has over the plate in single support of the prosthesis: Legendre
+    coefficients 0, 1, 2 of the fore-aft and the vertical force, their means over the fitted `trials` (fingerprints) and
+    their standard deviations between these, which one trial does not tell."""
+
+    fore_aft_bw: tuple[float, ...] = _force()
+    vertical_bw: tuple[float, ...] = _force()
+    fore_aft_sd_bw: tuple[float, ...] | None = _force(None)
+    vertical_sd_bw: tuple[float, ...] | None = _force(None)
+    trials: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscrepancyCurve:
+    """Plate less model of one fitted recording at 0 ... 100 % of the model's stance, in the walk's own axes."""
+
+    fingerprint: str
+    fulcrum_m: float = quantity(unit="m", low=0.0, high=1.0, source="the trial's manifest")
+    fore_aft_bw: tuple[float, ...] = _force()
+    lateral_bw: tuple[float, ...] = _force()
+    vertical_bw: tuple[float, ...] = _force()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Discrepancy:
+    """Curves, and for each component the shares of their variance that all settings have in common (`shared`) and that
+    one setting has to itself (`own`), as trials and settings left out in turn earned them; the rest is each trial's."""
+
+    curves: tuple[DiscrepancyCurve, ...]
+    shared: tuple[float, ...] = _share()
+    own: tuple[float, ...] = _share()
+
+
 @dataclass(frozen=True, kw_only=True)
 class FittedContact:
     """The content of a contact file; see the module's example."""
@@ -101,6 +146,8 @@ class FittedContact:
     values: dict[str, float] = field(default_factory=dict)
     curves: tuple[JointCurve, ...] = ()
     trials: tuple[FittedTrial, ...] = ()
+    momentum: MomentumBias | None = None
+    discrepancy: Discrepancy | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
 
 
@@ -165,7 +212,35 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
     curved = [curve.coordinate for curve in contact.curves]
     for i, name in enumerate(curved):
         require(name not in curved[:i], f"{name} has two curves", f"curves[{i}].coordinate")
+    _check_learned(contact, file)
     return contact
+
+
+def _check_learned(contact: FittedContact, file: str | Path | None) -> None:
+    """What the plates taught: of the file's own recordings, in series of the right length."""
+    momentum, discrepancy = contact.momentum, contact.discrepancy
+    series: dict[str, tuple[tuple[float, ...] | None, int]] = {}
+    named: dict[str, str] = {}
+    if momentum is not None:
+        named |= {f"momentum.trials[{i}]": text for i, text in enumerate(momentum.trials)}
+        series |= {f"momentum.{name}": (getattr(momentum, name), 3)
+                   for name in ("fore_aft_bw", "vertical_bw", "fore_aft_sd_bw", "vertical_sd_bw")}
+    if discrepancy is not None:
+        series |= {"discrepancy.shared": (discrepancy.shared, 3), "discrepancy.own": (discrepancy.own, 3)}
+        for i, curve in enumerate(discrepancy.curves):
+            named[f"discrepancy.curves[{i}].fingerprint"] = curve.fingerprint
+            series |= {f"discrepancy.curves[{i}].{name}": (getattr(curve, name), STANCE_POINTS)
+                       for name in ("fore_aft_bw", "lateral_bw", "vertical_bw")}
+    prints = [trial.fingerprint for trial in contact.trials]
+    for where, text in named.items():
+        errors.require(text in prints, "is none of the recordings under trials", where, file=file)
+    for where, (values, count) in series.items():
+        errors.require(values is None or len(values) == count, f"has {len(values or ())} numbers", where,
+                       f"It must have {count}", file=file)
+    if discrepancy is not None:
+        for i, (shared, own) in enumerate(zip(discrepancy.shared, discrepancy.own, strict=True)):
+            errors.require(shared + own <= 1.0 + 1e-9, f"{shared:g} and {own:g} are more than the whole",
+                           f"discrepancy.own[{i}]", "With shared they are shares of one variance", file=file)
 
 
 def variable_unit(name: str, *, file: str | Path | None = None, where: str | None = None) -> str:
@@ -201,8 +276,10 @@ def _commented(section: str, line: str) -> str:
     """The line of YAML with its unit behind it, where it has one."""
     key, colon, number = line.strip().removeprefix("- ").partition(": ")
     key = key.strip("'\"")
+    forces = dict.fromkeys(("fore_aft_bw", "lateral_bw", "vertical_bw", "fore_aft_sd_bw", "vertical_sd_bw"), "BW")
     units = {"subject": {"mass_kg": "kg", "stature_m": "m"}, "trials": {"height_m": "m", **dict.fromkeys(PATHS, "m")},
-             "curves": {"coefficients": "rad (m for a translation)"}}
+             "curves": {"coefficients": "rad (m for a translation)"}, "momentum": forces,
+             "discrepancy": {"fulcrum_m": "m", **forces}}
     unit = variable_unit(key) if section == "values" and colon else units.get(section, {}).get(key)
     return f"{line.rstrip()}  # {unit}\n" if unit and number else line
 

@@ -144,7 +144,7 @@ def walk_metrics(result: WalkResult, plate: PlateRecording, *, null_curve: np.nd
     shared = agreement(c, plate, body_weight_n=weight, foot_length_m=result.foot_length_m)
     return WalkMetrics(
         **vars(shared), angle_rmse_deg=_angle_rmse_deg(result),
-        null_model_grf_rmse_bw=None if null_curve is None else _null_rmse(c, weight, null_curve),
+        null_model_grf_rmse_bw=None if null_curve is None else null_model_rmse(c, weight, null_curve),
         trial=result.trial_name, simulated_s=result.simulated_s, wall_s=result.wall_s, compile_s=result.compile_s,
         step_s=result.step_s, unconverged_steps=result.unconverged_steps, refined_steps=result.refined_steps,
         converged=result.converged, synthetic=result.synthetic)
@@ -215,15 +215,19 @@ def _angle_rmse_deg(result: WalkResult) -> float | None:
     return float(np.degrees(rmse(followed, result.prescribed_q[:, [i for i, _ in rotations]])))
 
 
-def _null_rmse(c: Comparison, body_weight_n: float, curve: np.ndarray) -> float | None:
-    """Error of a curve that is stretched to each measured stance and zero between them."""
+def null_model_rmse(
+    c: Comparison, body_weight_n: float, curve: np.ndarray, *, predicted: bool = False
+) -> float | None:
+    """Error (BW) of a curve (k,) BW that is stretched to each stance as measured, or as `predicted` by the model, and
+    zero between them; incomplete stances are left out."""
     null = np.zeros(len(c.time_s))
     percent = np.linspace(0.0, 100.0, len(curve))
     for item in c.stances:
-        start, end = item.measured.start_s, item.measured.end_s
+        stance = item.model if predicted and item.model is not None else item.measured
+        start, end = stance.start_s, stance.end_s
         rows = c.within(start, end)
         stretched = np.interp(100.0 * (c.time_s[rows] - start) / (end - start), percent, curve)
-        null[rows] = stretched if item.measured.complete else np.nan
+        null[rows] = stretched if stance.complete else np.nan
     rows = c.scored & np.isfinite(null)
     return _known(rmse(null[rows], np.linalg.norm(c.measured[rows] / body_weight_n, axis=1)))
 
