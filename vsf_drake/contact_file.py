@@ -49,7 +49,7 @@ FORMAT = "vsf_drake contact 1"
 FEWEST_COEFFICIENTS = 4  # of a cubic spline
 PATHS = ("pelvis_tx", "pelvis_tz")  # translations of the pelvis that a fit may correct recording by recording
 STANCE_POINTS = 101  # of a discrepancy's curves
-LARGEST_FORCE_BW = 2.0  # of a bias or a discrepancy, far beyond what any model errs by
+LARGEST_FORCE_BW = 5.0  # of what the plates taught, beyond what walking takes
 LARGEST_CORRECTION = 1.0  # rad, m: of a coordinate, far beyond what any recording errs by
 _UNITS = {
     r"contact\..+\.stiffness": "N/m^exponent", r"contact\..+\.exponent": "1", r"contact\..+\.damping": "N s/m",
@@ -115,13 +115,15 @@ class MomentumBias:
 
 @dataclass(frozen=True, kw_only=True)
 class DiscrepancyCurve:
-    """Plate less model of one fitted recording at 0 ... 100 % of the model's stance, in the walk's own axes."""
+    """Plate less model of one fitted recording at 0 ... 100 % of the model's stance, in the walk's own axes;
+    `measured_bw` is the plate's resultant at 0 ... 100 % of the measured stance, the null model of other recordings."""
 
     fingerprint: str
     fulcrum_m: float = quantity(unit="m", low=0.0, high=1.0, source="the trial's manifest")
     fore_aft_bw: tuple[float, ...] = _force()
     lateral_bw: tuple[float, ...] = _force()
     vertical_bw: tuple[float, ...] = _force()
+    measured_bw: tuple[float, ...] = _force()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,7 +232,7 @@ def _check_learned(contact: FittedContact, file: str | Path | None) -> None:
         for i, curve in enumerate(discrepancy.curves):
             named[f"discrepancy.curves[{i}].fingerprint"] = curve.fingerprint
             series |= {f"discrepancy.curves[{i}].{name}": (getattr(curve, name), STANCE_POINTS)
-                       for name in ("fore_aft_bw", "lateral_bw", "vertical_bw")}
+                       for name in ("fore_aft_bw", "lateral_bw", "vertical_bw", "measured_bw")}
     prints = [trial.fingerprint for trial in contact.trials]
     for where, text in named.items():
         errors.require(text in prints, "is none of the recordings under trials", where, file=file)
@@ -276,7 +278,8 @@ def _commented(section: str, line: str) -> str:
     """The line of YAML with its unit behind it, where it has one."""
     key, colon, number = line.strip().removeprefix("- ").partition(": ")
     key = key.strip("'\"")
-    forces = dict.fromkeys(("fore_aft_bw", "lateral_bw", "vertical_bw", "fore_aft_sd_bw", "vertical_sd_bw"), "BW")
+    forces = dict.fromkeys([*(f"{name}_bw" for name in ("fore_aft", "lateral", "vertical", "measured")),
+                            "fore_aft_sd_bw", "vertical_sd_bw"], "BW")
     units = {"subject": {"mass_kg": "kg", "stature_m": "m"}, "trials": {"height_m": "m", **dict.fromkeys(PATHS, "m")},
              "curves": {"coefficients": "rad (m for a translation)"}, "momentum": forces,
              "discrepancy": {"fulcrum_m": "m", **forces}}

@@ -49,7 +49,7 @@ def run(case: Case) -> dict[str, Any]:
         solution = _solve(case)
         times = {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu, "load_before": load}
         found = assess(solution, [trial(case.tier, name) for name in case.held_out], leave_out=case.leave_out,
-                       angle_errors=False, floors=judged_by)
+                       angle_errors=False, layers=False, floors=judged_by)
     except (FitError, SimulationError) as error:
         return {**told, "failed": str(error)}
     told |= {"time": times, "ended": solution.message, "verdict": list(verdict(solution, found)),

@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -47,13 +47,14 @@ from vsf_drake.analysis.comparison import (
     walk_axes,
     walking_direction,
 )
-from vsf_drake.analysis.metrics import Agreement, agreement, null_model_rmse, stance_curve
+from vsf_drake.analysis.metrics import agreement, null_model_rmse, stance_curve
 from vsf_drake.contact_file import Discrepancy, DiscrepancyCurve, FittedContact, MomentumBias
 from vsf_drake.errors import SimulationError
 from vsf_drake.motion.events import runs
 from vsf_drake.motion.fitted_trial import fingerprint, trial_with
 from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.sentences import say
 from vsf_drake.simulation.reactions import LOADED_N, follow
 from vsf_drake.simulation.results import WalkResult
 from vsf_drake.simulation.walk import Walk, Walker
@@ -113,26 +114,58 @@ class LayeredWalk:
     correction: MomentumCorrection
     added_bw: np.ndarray  # (101, 3) discrepancy that was added over the model's stance; zeros where none was earned
 
-    def score(self, layer: str, trial: Trial) -> Agreement:
-        """How far a layer agrees with the trial's plate."""
-        result = self.results[layer]
-        return agreement(self.comparisons[layer], trial.prosthetic_plate, foot_length_m=result.foot_length_m,
-                         body_weight_n=result.subject_mass_kg * GRAVITY)
+
+@dataclass(frozen=True, kw_only=True)
+class LayerScore:
+    """How far one layer is off the plate (`metrics.Agreement`)."""
+
+    grf_rmse_bw: float | None
+    vertical_rmse_bw: float | None
+    fore_aft_rmse_bw: float | None
+    medio_lateral_rmse_bw: float | None
+    cop_rmse_fl: float | None
+    cop_ml_rmse_fl: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrialLayers:
-    """One trial: the agreement of each layer, and the null model's error (BW) with the measured times of stance and
-    with those that the physics predicts; None without another fitted trial."""
+    """One trial in layers, and the null model's error (BW) with the measured times of stance and with those that the
+    physics predicts; None where the file has no curve of another trial."""
 
     label: str
     fitted: bool
     fulcrum_mm: float
-    layers: Mapping[str, Agreement]
+    layers: Mapping[str, LayerScore]
     null_model_grf_rmse_bw: float | None
     null_model_predicted_times_grf_rmse_bw: float | None
     correction: MomentumCorrection
     added_rms_bw: float  # root mean square of the discrepancy that was added
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerTable:
+    """A fit's predictions in layers, and what its plates taught; `untried` where no setting was fitted twice."""
+
+    trials: tuple[TrialLayers, ...]
+    momentum: MomentumBias | None
+    discrepancy: Discrepancy | None
+    untried: bool
+
+    def mean(self, layer: str, key: str, *, fitted: bool = False) -> float | None:
+        """Mean of a layer's score over the held-out trials, or the fitted ones; None without one."""
+        known = [value for row in self.trials
+                 if row.fitted == fitted and (value := getattr(row.layers[layer], key)) is not None]
+        return float(np.mean(known)) if known else None
+
+    @property
+    def earned(self) -> str | None:
+        """The layer that is nearest to the held-out trials' plates, of equals the lower one; None without one."""
+        errors = {layer: error for layer in LAYERS if (error := self.mean(layer, "grf_rmse_bw")) is not None}
+        return min(errors, key=lambda layer: errors[layer], default=None)
+
+    def teach(self, contact: FittedContact) -> FittedContact:
+        """The contact with what the plates taught."""
+        return replace(contact, momentum=self.momentum, discrepancy=self.discrepancy)
 
 
 def variables_of(trial: Trial) -> tuple[str, ...]:
@@ -158,7 +191,8 @@ def predict(trial: Trial, contact: FittedContact, *, walker: Walker, step_s: flo
     added = np.zeros((len(PERCENT), 3))
     if contact.discrepancy is not None:
         added = interpolated(contact.discrepancy, trial.fulcrum_m)
-    third = replace(second[0], model=second[0].model + trial.subject.mass_kg * GRAVITY * _over_stances(second[0], added))
+    third = replace(second[0], model=second[0].model + trial.subject.mass_kg * GRAVITY * over_stances(
+        second[0], added))
     return LayeredWalk(
         comparisons=dict(zip(LAYERS, (physics, second[0], third), strict=True)), correction=correction, added_bw=added,
         results=dict(zip(LAYERS, (result, second[1], second[1]), strict=True)))
@@ -182,37 +216,67 @@ def learned(contact: FittedContact, trials: Sequence[Trial], *, walker: Walker, 
     for trial, text in zip(applied, prints, strict=True):
         walk = predict(trial, contact, walker=walker, step_s=step_s)
         delta = remaining(walk.comparisons[MOMENTUM], trial.subject.mass_kg * GRAVITY)
-        if delta is not None:
-            curves.append(DiscrepancyCurve(fingerprint=text, fulcrum_m=trial.fulcrum_m, **{
-                name: _numbers(column) for name, column in zip(COMPONENTS, delta.T, strict=True)}))
+        measured = stance_curve(trial.prosthetic_plate, subject_mass_kg=trial.subject.mass_kg)
+        if delta is not None and measured is not None:
+            curves.append(DiscrepancyCurve(
+                fingerprint=text, fulcrum_m=trial.fulcrum_m, measured_bw=_numbers(measured),
+                **{name: _numbers(column) for name, column in zip(COMPONENTS, delta.T, strict=True)}))
     return replace(contact, discrepancy=earned(curves)) if curves else contact
 
 
-def layered(
-    trials: Sequence[Trial], labels: Sequence[str], contact: FittedContact, fitted: Sequence[Trial], *, walker: Walker,
-    step_s: float
-) -> tuple[TrialLayers, ...]:
-    """The layers of recorded trials beside their plates and null models, the measured curves of the fitted ones."""
-    curves = {fingerprint(one): stance_curve(one.prosthetic_plate, subject_mass_kg=one.subject.mass_kg)
-              for one in fitted}
-    rows = []
-    for trial, label in zip(trials, labels, strict=True):
-        own = fingerprint(trial)
-        walk = predict(trial_with(trial, contact), contact, walker=walker, step_s=step_s)
-        physics, weight = walk.comparisons[PHYSICS], trial.subject.mass_kg * GRAVITY
-        nulls = [[error for text, curve in curves.items() if curve is not None and text != own and (
-            error := null_model_rmse(physics, weight, curve, predicted=predicted)) is not None]
-            for predicted in (False, True)]
-        rows.append(TrialLayers(
-            label=label, fitted=own in curves, fulcrum_mm=1e3 * trial.fulcrum_m, correction=walk.correction,
-            layers={layer: walk.score(layer, trial) for layer in LAYERS},
-            null_model_grf_rmse_bw=min(nulls[0], default=None),
-            null_model_predicted_times_grf_rmse_bw=min(nulls[1], default=None),
-            added_rms_bw=float(np.sqrt(np.mean(np.sum(walk.added_bw**2, axis=1))))))
-    return tuple(rows)
+def layers_of(trial: Trial, label: str, contact: FittedContact, *, walker: Walker, step_s: float) -> TrialLayers:
+    """A recorded trial in layers, beside its plate and the null model; raises what `predict` does."""
+    own, weight, learned_of = fingerprint(trial), trial.subject.mass_kg * GRAVITY, contact.discrepancy
+    walk = predict(trial_with(trial, contact), contact, walker=walker, step_s=step_s)
+    scores = {}
+    for layer in LAYERS:
+        found = agreement(walk.comparisons[layer], trial.prosthetic_plate, body_weight_n=weight,
+                          foot_length_m=walk.results[layer].foot_length_m)
+        scores[layer] = LayerScore(**{field.name: getattr(found, field.name) for field in fields(LayerScore)})
+    measured = [np.array(curve.measured_bw) for curve in learned_of.curves if curve.fingerprint != own
+                ] if learned_of else []
+    nulls = [[error for curve in measured if (error := null_model_rmse(
+        walk.comparisons[PHYSICS], weight, curve, predicted=predicted)) is not None] for predicted in (False, True)]
+    return TrialLayers(
+        label=label, fitted=own in {one.fingerprint for one in contact.trials}, fulcrum_mm=1e3 * trial.fulcrum_m,
+        layers=scores, correction=walk.correction, null_model_grf_rmse_bw=min(nulls[0], default=None),
+        null_model_predicted_times_grf_rmse_bw=min(nulls[1], default=None),
+        added_rms_bw=float(np.sqrt(np.mean(np.sum(walk.added_bw**2, axis=1)))))
 
 
-def _compared(walker: Walker, trial: Trial, values: Mapping[str, float], step_s: float) -> tuple[Comparison, WalkResult]:
+def layer_table(
+    contact: FittedContact, fitted: Sequence[Trial], held_out: Sequence[Trial], labels: Sequence[str], *, step_s: float
+) -> LayerTable:
+    """What the trials that a contact was fitted to teach, and all trials, as recorded, in layers; labels of both."""
+    applied = trial_with(fitted[0], contact)
+    walker = Walker(applied.subject, applied.model)
+    contact = learned(contact, fitted, walker=walker, step_s=step_s)
+    rows = tuple(layers_of(trial, label, contact, walker=walker, step_s=step_s)
+                 for trial, label in zip([*fitted, *held_out], labels, strict=True))
+    curves = contact.discrepancy.curves if contact.discrepancy else ()
+    return LayerTable(trials=rows, momentum=contact.momentum, discrepancy=contact.discrepancy,
+                      untried=not _alike_settings(np.array([curve.fulcrum_m for curve in curves]))[1].any())
+
+
+def layer_sentences(table: LayerTable) -> list[str]:
+    """Which layer the held-out trials earn, and what keeps the others from it."""
+    rows = [row for row in table.trials if not row.fitted] or [*table.trials]
+    nulls = [[error for row in rows if (error := getattr(row, f"null_model_{name}grf_rmse_bw")) is not None]
+             for name in ("", "predicted_times_")]
+    known = table.discrepancy
+    return say(
+        "prediction", earned=table.earned, **{layer: table.mean(layer, "grf_rmse_bw") for layer in LAYERS},
+        null=float(np.mean(nulls[0])) if nulls[0] else None, untried=table.untried, untried_share=UNTRIED,
+        null_predicted=float(np.mean(nulls[1])) if nulls[1] else None,
+        refused=[row for row in rows if not row.correction.believed],
+        believed=[row for row in rows if row.correction.believed],
+        shares=known and [100.0 * share for share in known.shared],
+        own=known and [100.0 * (a + b) for a, b in zip(known.shared, known.own, strict=True)])
+
+
+def _compared(
+    walker: Walker, trial: Trial, values: Mapping[str, float], step_s: float
+) -> tuple[Comparison, WalkResult]:
     result = walker.result(_walk(walker, trial, values, step_s), trial, trial.offsets, energy=False)
     return compare(result, trial.prosthetic_plate), result
 
@@ -285,7 +349,7 @@ def needed_force(walk: Walk) -> np.ndarray:
     pelvis's translations, which are along OpenSim's axes (forward, up, right)."""
     forward, up, right = (walk.record.load[:, walk.mechanism.tree.index(name)]
                           for name in ("pelvis_tx", "pelvis_ty", "pelvis_tz"))
-    return np.column_stack([forward, -right, up]) + walk.prosthetic.grf_W + walk.intact.grf_W
+    return np.asarray(np.column_stack([forward, -right, up]) + walk.prosthetic.grf_W + walk.intact.grf_W)
 
 
 def swings(walk: Walk) -> tuple[slice, ...]:
@@ -325,7 +389,7 @@ def missed(walker: Walker, trial: Trial) -> np.ndarray | None:
 # Discrepancy.
 
 
-def _over_stances(comparison: Comparison, curve: np.ndarray) -> np.ndarray:
+def over_stances(comparison: Comparison, curve: np.ndarray) -> np.ndarray:
     """(n, 3) a curve (101, 3) laid over each of the model's stances; zero elsewhere."""
     laid = np.zeros_like(comparison.model)
     for stance in {item.model for item in comparison.stances if item.model is not None}:
@@ -341,7 +405,7 @@ def remaining(comparison: Comparison, weight_n: float) -> np.ndarray | None:
     curves = [np.column_stack([np.interp(percent_instants(item.model), comparison.time_s, column)
                                for column in error.T])
               for item in comparison.stances if item.inside and item.model is not None and item.model.complete]
-    return np.mean(curves, axis=0) if curves else None
+    return np.asarray(np.mean(curves, axis=0)) if curves else None
 
 
 def interpolated(discrepancy: Discrepancy, fulcrum_m: float) -> np.ndarray:
@@ -360,16 +424,21 @@ def _weights(positions_m: np.ndarray, fulcrum_m: float, shared: float, own: floa
         return np.asarray(shared * np.exp(-0.5 * apart / SMOOTH_M**2) + own * np.exp(-0.5 * apart / SETTING_M**2))
 
     noise = max(1.0 - shared - own, 1e-9)
-    return np.linalg.solve(covariance(positions_m[:, None]) + noise * np.eye(len(positions_m)),
-                           covariance(np.asarray(fulcrum_m)))
+    among = covariance(positions_m[:, None]) + noise * np.eye(len(positions_m))
+    return np.asarray(np.linalg.solve(among, covariance(np.asarray(fulcrum_m))))
+
+
+def _alike_settings(positions_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n, n) whether two trials are of different settings, and (n,) whether another is of the same."""
+    apart = np.abs(positions_m[:, None] - positions_m) > 0.5 * SETTING_M
+    return apart, np.sum(~apart, axis=1) > 1
 
 
 def earned(curves: Sequence[DiscrepancyCurve]) -> Discrepancy:
     """The discrepancy whose shares predict best what is left out: each trial of a setting that was fitted twice, from
     all others, and each setting from the other ones. Of equals the least share counts."""
     positions = np.array([curve.fulcrum_m for curve in curves])
-    apart = np.abs(positions[:, None] - positions) > 0.5 * SETTING_M
-    twice = np.sum(~apart, axis=1) > 1
+    apart, twice = _alike_settings(positions)
     groups = [(np.arange(len(curves)) == i, np.arange(len(curves)) != i) for i in np.flatnonzero(twice)]
     groups += [(~row, row) for row in np.unique(apart, axis=0) if row.any()]
     pairs = [(float(shared), float(own)) for shared in SHARES for own in SHARES if shared + own <= 1.0 + 1e-9

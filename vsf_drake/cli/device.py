@@ -184,20 +184,31 @@ def simulate(
     """Drives the person by a recording and compares the predicted ground reaction with the force plate."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.metrics import UNFITTED, unfitted_note
+    from vsf_drake.analysis.prediction import layers_of
     from vsf_drake.analysis.validation.study import embedded_contact_beside, walk_trial
+    from vsf_drake.contact_file import load_contact
+    from vsf_drake.motion.fitted_trial import trial_with
     from vsf_drake.report.outputs import WALK, write_walk
+    from vsf_drake.simulation.walk import Walker
 
     embedded = embedded_contact_beside(trial) if contact is None and not fit_offsets else None
     contact = embedded if contact is None else None if contact == Path("none") else contact
     cli.check_contact_use(contact, fit_offsets=fit_offsets)
     WALK.check(out)
-    [recorded] = cli.read_trials([trial], contact)
-    if contact is None:
+    fitted, step_s, layers = None if contact is None else load_contact(contact), 1e-3 * step_ms, None
+    [recorded] = cli.read_trials([trial], None)
+    if fitted is None:
         note = unfitted_note(recorded, offsets_fitted=fit_offsets)
-        recorded = dataclasses.replace(recorded, notes=(note, *recorded.notes))
+        walked = dataclasses.replace(recorded, notes=(note, *recorded.notes))
+    else:
+        walked = trial_with(recorded, fitted, file=contact)
     with progress() as show:
-        walk = walk_trial(recorded, with_fit=fit_offsets, step_s=1e-3 * step_ms, progress=show)
-    metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, replay=replay)
+        walk = walk_trial(walked, with_fit=fit_offsets, step_s=step_s, progress=show)
+        if fitted is not None and (fitted.momentum or fitted.discrepancy):
+            show("predicting in layers", 1.0)
+            layers = layers_of(recorded, recorded.name, fitted, walker=Walker(walked.subject, walked.model),
+                               step_s=step_s)
+    metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, layers=layers, replay=replay)
     cli.print_text("walk", **metrics, embedded=embedded, unfitted=UNFITTED,
                    alignment_deg=math.degrees(metrics["offsets"]["alignment_rad"]),
                    offsets_are="with those of the fitted contact" if contact else "not fitted")

@@ -102,10 +102,11 @@ def fit(
 
 def print_fit(table: FitTable) -> None:
     """The table of a fit that succeeded, in short."""
-    from vsf_drake.report.fit_output import smooth_errors, synthetic_of
+    from vsf_drake.report.fit_output import LAYER_HEADINGS, layer_rows, smooth_errors, synthetic_of
 
     print_text("fit", fit=table, synthetic_data=synthetic_of(table), trial_rows=_trial_rows(table.trials),
-               parameter_rows=_parameter_rows(table), smooth=smooth_errors(table))
+               parameter_rows=_parameter_rows(table), smooth=smooth_errors(table),
+               layer_rows=[row[:-2] for row in (LAYER_HEADINGS, *layer_rows(table.layers))] if table.layers else [])
 
 
 def _trial_rows(trials: Sequence[FitTrialRow]) -> list[Sequence[str]]:

@@ -150,7 +150,8 @@ def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
             return table
         show("writing figures and page", _REFITTED)
         table = task.table(solution, judged)
-        write_fit(table, out, contact=solution.contact(table.verdict))
+        contact = solution.contact(table.verdict)
+        write_fit(table, out, contact=judged.layers.teach(contact) if judged.layers else contact)
         return table
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from vsf_drake.analysis.contact_fit.assessment import Beside, TrialScore
+from vsf_drake.analysis.contact_fit.assessment import FITTED, HELD_OUT, Beside, TrialScore
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
 from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, ParameterRow, fit_arrays, fit_json
+from vsf_drake.analysis.prediction import LAYERS, LayerTable
 from vsf_drake.contact_file import FittedContact, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
@@ -100,6 +101,7 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
                            number(row.grf_rmse_bw, "{:.1f}", 100.0), number(row.grf_rmse_bw_worst, "{:.1f}", 100.0),
                            f"{row.beats_null} of {row.beats_null_of}") for row in table.angle_errors],
         foot_length_m=scores[0].metrics.foot_length_m if scores else None,
+        layer_headings=LAYER_HEADINGS, layer_rows=layer_rows(table.layers) if table.layers else [],
         null_known=any(score.metrics.null_model_grf_rmse_bw is not None for score in scores),
         floor_known=any(score.floor_grf_rmse_bw is not None for score in scores),
         sweep_known=any(score.sweep is not None for score in scores),
@@ -172,6 +174,32 @@ def smooth_errors(table: FitTable) -> str:
     largest = [f"{row.coordinate} {row.largest_deg:+.2f}°" for row in table.curves if row.largest_deg != 0.0]
     return (f"Smooth errors of joint angles over the gait cycle, at their largest: {', '.join(largest)}."
             if largest else "")
+
+
+LAYER_HEADINGS = (
+    "trial", "role", "fulcrum mm", "physics % BW", "+ momentum % BW", "+ discrepancy % BW", "null model % BW",
+    "null, predicted stance % BW", "fore-aft, three layers % BW", "momentum's correction")
+"""Of the cells of `layer_rows`."""
+
+
+def layer_rows(table: LayerTable) -> list[tuple[str, ...]]:
+    """Every trial in layers as text."""
+    def percent(error: float | None) -> str:
+        return number(error, "{:.1f}", 100.0)
+
+    rows = []
+    for row in table.trials:
+        done, scores = row.correction, [row.layers[layer] for layer in LAYERS]
+        turned = [math.degrees(done.hip_flexion_rad), math.degrees(done.knee_angle_rad),
+                  math.degrees(done.alignment_rad)]
+        rows.append((
+            row.label, FITTED if row.fitted else HELD_OUT.replace(" ", "\u00a0"), f"{row.fulcrum_mm:g}",
+            *(percent(score.grf_rmse_bw) for score in scores), percent(row.null_model_grf_rmse_bw),
+            percent(row.null_model_predicted_times_grf_rmse_bw),
+            ", ".join(percent(score.fore_aft_rmse_bw) for score in scores),
+            "height {:+.1f} mm, hip {:+.1f}°, knee {:+.1f}°, alignment {:+.1f}°".format(1e3 * done.height_m, *turned)
+            if done.believed else f"none: {done.why_not}"))
+    return rows
 
 
 def synthetic_of(table: FitTable) -> list[str]:

@@ -10,6 +10,7 @@ from vsf_drake.analysis.bench_metrics import BenchTable, bench_table
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.metrics import walk_metrics, warnings
 from vsf_drake.analysis.offsets import OffsetFit
+from vsf_drake.analysis.prediction import TrialLayers
 from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
 from vsf_drake.errors import InputError
 from vsf_drake.files import plain, read_json
@@ -54,16 +55,16 @@ def write_bench(result: BenchResult, out: str | Path) -> BenchTable:
 
 
 def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: OffsetFit | None = None,
-               replay: bool = True) -> dict[str, Any]:
+               layers: TrialLayers | None = None, replay: bool = True) -> dict[str, Any]:
     """Writes metrics.json, walk.png, walk.svg, the saved result and replay.html to `out`; returns the metrics.
 
-    `fit` is the one that the offsets come from.
+    `fit` is the one that the offsets come from, `layers` what the fitted contact predicts beyond the walk.
     """
     plate = trial.prosthetic_plate
     comparison = compare(result, plate)
     metrics = walk_metrics(result, plate, comparison=comparison)
     table = {**plain(metrics), "offsets": to_plain(result.parameters["offsets"]),
-             "offset_fit": None if fit is None else to_plain(fit),
+             "offset_fit": None if fit is None else to_plain(fit), "layers": None if layers is None else plain(layers),
              "warnings": warnings(result, comparison, metrics, fit), "notes": list(result.notes)}
 
     def more(folder: Path, table: dict[str, Any]) -> None:

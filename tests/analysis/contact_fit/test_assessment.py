@@ -64,7 +64,7 @@ def test_scores_are_the_metrics_of_fitted_and_held_out_trials_beside_the_best_nu
     """The null model by hand: the resultant of each other fitted trial over 0-100 % of this one's stance."""
     fitted = [trials["low_1"], trials["high_1"]]
     model = Model(fit_walker, fitted)
-    found = assess(model, [trials["medium_1"]], sweep=False, angle_errors=False, leave_out=False,
+    found = assess(model, [trials["medium_1"]], sweep=False, angle_errors=False, layers=False, leave_out=False,
                    floors={"medium_1": 0.01})
     assert [(name, label) for name, label, *_ in model.asked] == [
         ("low_1", "low_1"), ("high_1", "high_1"), ("medium_1", None)]
@@ -93,7 +93,7 @@ def test_scores_are_the_metrics_of_fitted_and_held_out_trials_beside_the_best_nu
     assert held == found.scores[2].metrics.grf_rmse_bw
     assert mean == pytest.approx(np.mean([s.metrics.grf_rmse_bw for s in found.scores[:2]]))
     assert found.left_out == () and found.bench is None
-    alone = assess(Model(fit_walker, fitted[:1]), [fitted[1]], sweep=False, angle_errors=False).scores
+    alone = assess(Model(fit_walker, fitted[:1]), [fitted[1]], sweep=False, angle_errors=False, layers=False).scores
     assert alone[0].metrics.null_model_grf_rmse_bw is None and alone[1].metrics.null_model_grf_rmse_bw > 0.0
 
 
@@ -182,7 +182,7 @@ def scored(monkeypatch):
 
 def test_each_trial_and_each_stiffness_is_left_out_once(scored, trials):
     model = Refitting([trials[name] for name in ("low_1", "low_2", "high_1")])
-    found = assess(model, sweep=False, angle_errors=False).left_out
+    found = assess(model, sweep=False, angle_errors=False, layers=False).left_out
     assert [(row.kind, row.left_out) for row in found] == [
         ("trial", ("low_1",)), ("trial", ("low_2",)), ("trial", ("high_1",)),
         ("stiffness", ("low_1", "low_2")), ("stiffness", ("high_1",))]
@@ -195,12 +195,13 @@ def test_each_trial_and_each_stiffness_is_left_out_once(scored, trials):
 def test_nothing_is_left_out_of_one_trial_stiffness_or_of_the_papers_fit_and_failures_are_told(scored, trials):
     one, same, two = ([trials[name] for name in names] for names in (("low_1",), ("low_1", "low_2"),
                                                                      ("low_1", "high_1")))
-    assert assess(Refitting(one), sweep=False, angle_errors=False).left_out == ()
-    assert [row.kind for row in assess(Refitting(same), sweep=False, angle_errors=False).left_out] == ["trial", "trial"]
-    assert assess(Refitting(two), sweep=False, angle_errors=False, leave_out=False).left_out == ()
-    assert assess(Refitting(two, end=None), sweep=False, angle_errors=False).left_out == ()
+    assert assess(Refitting(one), sweep=False, angle_errors=False, layers=False).left_out == ()
+    assert [row.kind for row in assess(
+        Refitting(same), sweep=False, angle_errors=False, layers=False).left_out] == ["trial", "trial"]
+    assert assess(Refitting(two), sweep=False, angle_errors=False, layers=False, leave_out=False).left_out == ()
+    assert assess(Refitting(two, end=None), sweep=False, angle_errors=False, layers=False).left_out == ()
     rows = {row.left_out: row for row in assess(
-        Refitting(two, fails=("high_1",)), sweep=False, angle_errors=False).left_out}
+        Refitting(two, fails=("high_1",)), sweep=False, angle_errors=False, layers=False).left_out}
     assert "cannot do without" in rows["high_1",].failed and rows["high_1",].grf_rmse_bw is None
     assert rows["low_1",].failed == "" and rows["low_1",].grf_rmse_bw == pytest.approx(0.066)
 
@@ -209,7 +210,7 @@ def test_held_out_recordings_of_one_file_name_are_told_by_their_folder(trials, m
     named = []
     monkeypatch.setattr(module, "_trial_score", lambda _, trial, label, name, *__: named.append((label, name)))
     assess(Refitting([trials["low_1"]]), [replace(trials["high_1"], path=Path("/there/low_1.yaml"))], sweep=False,
-           angle_errors=False)
+           angle_errors=False, layers=False)
     assert named == [("low_1", "low_1"), (None, "there/low_1")]
 
 

@@ -21,6 +21,7 @@ from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, J
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
 from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
+from vsf_drake.analysis.prediction import LayerTable, layer_sentences, layer_table
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.fitted_trial import trial_with
@@ -120,6 +121,7 @@ class Assessment:
     left_out: tuple[LeftOut, ...]
     bench: BenchRow | None
     angle_errors: tuple[AngleErrorRow, ...] = ()  # none where it was not asked for
+    layers: LayerTable | None = None  # likewise
 
     def mean(self, role: str, key: str) -> float | None:
         """Mean of a metric over the trials of a role; None where there is none."""
@@ -128,7 +130,7 @@ class Assessment:
 
 def assess(
     solution: ContactFitSolution, held_out: Sequence[Trial] = (), *, sweep: bool = True, leave_out: bool = True,
-    angle_errors: bool = True, floors: Mapping[str, float] | None = None,
+    angle_errors: bool = True, layers: bool = True, floors: Mapping[str, float] | None = None,
     progress: Callable[[str, float], None] | None = None
 ) -> Assessment:
     """Judges a fit that succeeded, by trials of the same subject that were not fitted, too.
@@ -140,6 +142,7 @@ def assess(
         sweep: whether to move the fulcrum over its range in every trial.
         leave_out: whether to fit again without each trial, and without each stiffness.
         angle_errors: whether to walk every trial with errors of hip and knee of its own, too.
+        layers: whether to predict every trial with the person's momentum and the fitted trials' discrepancy, too.
         floors: by label, the resultant error (BW) of the true foot on a recording's motion, where it is known.
 
     Raises:
@@ -162,14 +165,18 @@ def assess(
     joint = isinstance(solution.end, JointEnd)  # the paper's fit is of one trial
     left = _left_out(solution, tell) if leave_out and joint and len(fit.trials) > 1 else ()
     rows: tuple[AngleErrorRow, ...] = ()
-    if angle_errors:
+    contact = solution.contact() if angle_errors or layers else None
+    if angle_errors and contact:
         tell("walking with errors of hip and knee", 1.0)
-        contact = solution.contact()
         rows = angle_error_rows(
             [JudgedTrial(trial_with(trial, contact), score.role, score.metrics.null_model_grf_rmse_bw)
              for trial, score in zip([*fit.trials, *held_out], scores, strict=True)],
             step_s=fit.options.report_step_s, seed=fit.options.seed)
-    return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution), angle_errors=rows)
+    table = None
+    if layers and contact:
+        tell("correcting by momentum", 1.0)
+        table = layer_table(contact, fit.trials, held_out, names, step_s=fit.options.report_step_s)
+    return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution), angle_errors=rows, layers=table)
 
 
 def _trial_score(
@@ -280,7 +287,7 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
                              [", ".join(row.left_out) for row in own if row.failed]))
     errors = [(s, s.metrics.grf_rmse_bw) for s in held_out if s.metrics.grf_rmse_bw is not None]
     nulls = [(s, s.metrics.null_model_grf_rmse_bw) for s in held_out if s.metrics.null_model_grf_rmse_bw is not None]
-    return tuple(say(
+    sentences = say(
         "fit_verdict", message=solution.message, fitted=assessment.mean(FITTED, "grf_rmse_bw"),
         paper=PUBLISHED, one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
         held=assessment.mean(HELD_OUT, "grf_rmse_bw"),
@@ -291,7 +298,8 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
         below=[s.label for s in scores if s.floor_grf_rmse_bw is not None and s.metrics.grf_rmse_bw is not None
                and s.metrics.grf_rmse_bw < s.floor_grf_rmse_bw],
         left_out=left_out, swept=[s for s in scores if s.sweep is not None], bench=assessment.bench,
-        joint=_own_worth(solution.end) if isinstance(solution.end, JointEnd) else None))
+        joint=_own_worth(solution.end) if isinstance(solution.end, JointEnd) else None)
+    return (*sentences, *(layer_sentences(assessment.layers) if assessment.layers else ()))
 
 
 def _own_worth(end: JointEnd) -> dict[str, object]:

@@ -26,6 +26,7 @@ from vsf_drake.analysis.contact_fit.paper import PaperEnd, PaperState
 from vsf_drake.analysis.contact_fit.problem import ContactFit, labels_with
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, NoiseRatio
 from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty
+from vsf_drake.analysis.prediction import LayerTable
 from vsf_drake.contact_file import variable_unit
 from vsf_drake.files import plain
 from vsf_drake.motion.trajectory import periodic_bsplines
@@ -96,6 +97,7 @@ class FitTable:
     verdict: tuple[str, ...]
     left_out: tuple[LeftOut, ...]
     angle_errors: tuple[AngleErrorRow, ...] = ()
+    layers: LayerTable | None = None
     trials: tuple[FitTrialRow, ...]
     synthetic: bool
     subject: Subject
@@ -140,7 +142,7 @@ def fit_table(
         message=failed or ("" if solution is None else solution.message),
         verdict=() if good is None or judged is None else verdict(good, judged),
         left_out=() if judged is None else judged.left_out,
-        angle_errors=() if judged is None else judged.angle_errors,
+        angle_errors=() if judged is None else judged.angle_errors, layers=None if judged is None else judged.layers,
         trials=tuple(FitTrialRow(
             label=name, file=trial.path.name, role=FITTED if i < len(fit.trials) else HELD_OUT,
             synthetic=trial.synthetic, fulcrum_mm=round(1e3 * trial.fulcrum_m, 9), notes=tuple(trial.notes),
@@ -209,6 +211,11 @@ def fit_json(table: FitTable) -> dict[str, Any]:
         trial.update(trial.pop("score") or {})
         trial.pop("curves", None)
     values |= {"bench": None if table.bench is None else bench_json(table.bench), "history": []}
+    if table.layers is not None:
+        values["layers"] |= {"earned": table.layers.earned}
+        for curve in (values["layers"]["discrepancy"] or {}).get("curves", ()):  # whole in the contact file
+            for name in ("fore_aft_bw", "lateral_bw", "vertical_bw", "measured_bw"):
+                del curve[name]
     paper, known, ratios = table.paper, values.pop("uncertainty"), values.pop("noise_ratios")
     del values["paper"]
     if paper is not None:
