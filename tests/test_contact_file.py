@@ -9,7 +9,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_contact import CURVE, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
+from made_contact import CURVE, DISCREPANCY, MOMENTUM, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
 from vsf_drake.contact_file import check_contact, load_contact, model_with, save_contact, variable_unit
 from vsf_drake.errors import UNPRINTABLE, InputError
@@ -53,6 +53,16 @@ def test_a_fit_that_did_not_converge_is_written_as_such_and_not_read_as_one_that
     assert load_contact(tmp_path / "contact.yaml", even_if_failed=True) == failed
 
 
+def test_what_the_plates_taught_comes_back_with_its_units_and_need_not_be_there(tmp_path):
+    path, taught = tmp_path / "contact.yaml", made_contact(momentum=MOMENTUM, discrepancy=DISCREPANCY)
+    save_contact(taught, path)
+    assert load_contact(path) == taught
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert all(line.endswith("# BW") for line in lines if line.strip(" -").startswith(("vertical_bw:", "measured_bw:")))
+    save_contact(made_contact(), path)
+    assert load_contact(path).momentum is load_contact(path).discrepancy is None
+
+
 def put(*keys, value):
     def change(plain):
         for key in keys[:-1]:
@@ -75,9 +85,15 @@ def put(*keys, value):
     (put("trials", 0, "path", value={"pelvis_ty": [0.0] * 4}), ["trials[0].path", "pelvis_tx, pelvis_tz"]),
     (put("trials", 0, "path", "pelvis_tx", value=[0.0, 0.0, -1.5, 0.0]), ["path.pelvis_tx[2]", "between -1 and 1"]),
     (lambda plain: plain.pop("provenance"), ["provenance: is missing", "cut short"]),
+    (put("momentum", "trials", value=["f" * 64]), ["momentum.trials[0]", "none of the recordings"]),
+    (put("momentum", "vertical_bw", value=[0.0, 0.1]), ["momentum.vertical_bw", "has 2 numbers", "must have 3"]),
+    (put("momentum", "fore_aft_bw", value=[0.0, 700.0, 0.0]), ["momentum.fore_aft_bw[1]", "between -5 and 5 BW"]),
+    (put("discrepancy", "curves", 0, "fingerprint", value="f" * 64), ["curves[0].fingerprint", "none of the record"]),
+    (put("discrepancy", "curves", 0, "lateral_bw", value=[0.0] * 100), ["lateral_bw", "has 100 numbers", "have 101"]),
+    (put("discrepancy", "own", value=[0.6, 0.95, 0.4]), ["discrepancy.own[1]", "more than the whole"]),
 ])
 def test_what_is_no_contact_is_refused_with_file_and_key(tmp_path, change, words):
-    path, plain = tmp_path / "contact.yaml", to_plain(made_contact())
+    path, plain = tmp_path / "contact.yaml", to_plain(made_contact(momentum=MOMENTUM, discrepancy=DISCREPANCY))
     change(plain)
     path.write_text(yaml.safe_dump(plain), encoding="utf-8")
     with pytest.raises(InputError) as caught:

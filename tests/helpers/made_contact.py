@@ -5,7 +5,17 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from vsf_drake.contact_file import FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
+from vsf_drake.contact_file import (
+    FORMAT,
+    STANCE_POINTS,
+    Discrepancy,
+    DiscrepancyCurve,
+    FittedContact,
+    FittedSubject,
+    FittedTrial,
+    JointCurve,
+    MomentumBias,
+)
 
 MASS_KG, STATURE_M = 78.0, 1.81
 OF_THE_MODEL = {
@@ -20,6 +30,11 @@ CURVE = JointCurve(coordinate="knee_angle_r", coefficients=(0.0, 0.01, -0.012, 0
 FINGERPRINT = "0123456789abcdef" * 4
 OWN = FittedTrial(name="low 1", fingerprint=FINGERPRINT, height_m=5e-4,
                   path={"pelvis_tx": (0.0, 1e-3, 2e-3, -1e-3, 0.0), "pelvis_tz": (0.0, 1e-4, 0.0, 1e-4)})
+
+MOMENTUM = MomentumBias(fore_aft_bw=(-0.01, 0.02, 1 / 30), vertical_bw=(0.0, 0.01, -0.02), trials=(FINGERPRINT,))
+DISCREPANCY = Discrepancy(shared=(0.0, 0.1, 1 / 3), own=(0.6, 0.5, 0.4), curves=(DiscrepancyCurve(
+    fingerprint=FINGERPRINT, fulcrum_m=0.066, fore_aft_bw=(1 / 300,) * STANCE_POINTS,
+    lateral_bw=(0.0,) * STANCE_POINTS, vertical_bw=(-0.01,) * STANCE_POINTS, measured_bw=(1.01,) * STANCE_POINTS),))
 
 
 def made_contact(**changes: Any) -> FittedContact:

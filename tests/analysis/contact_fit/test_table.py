@@ -15,7 +15,7 @@ from vsf_drake.analysis.contact_fit.table import curve_rows, fit_arrays, fit_jso
 
 FEW = ("offset.height", "contact.forefoot.force", "contact.heel.force", "socket.tz.stiffness", "trial.low_1.height",
        "curve.knee_angle_r.0", "curve.knee_angle_r.1")
-ALWAYS = set("""angle_errors bench best_search curves history inputs_sha256 kind left_out message options
+ALWAYS = set("""angle_errors bench best_search curves history inputs_sha256 kind layers left_out message options
     parameters published searches strategy subject success synthetic trials verdict versions wall_s""".split())
 JOINT = set("at_bound correlations noise singular_values together unidentified".split())
 PAPER = set("failed_simulations initial_rms_n rms_n simulations".split())

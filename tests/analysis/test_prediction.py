@@ -1,0 +1,254 @@
+"""Prediction in layers: momentum mends what is wrong with one trial, and a discrepancy helps as far as it was earned.
+
+The walks are of the unfitted model; their plates are made so that the truth is known.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_contact import made_contact
+from made_fit import recording
+
+from vsf_drake.analysis import prediction as module
+from vsf_drake.analysis.comparison import PERCENT
+from vsf_drake.analysis.prediction import (
+    COMPONENTS,
+    MOMENTUM,
+    PHYSICS,
+    PRIOR,
+    SIGMA_BW,
+    LayerScore,
+    LayerTable,
+    MomentumCorrection,
+    TrialLayers,
+    earned,
+    interpolated,
+    layer_sentences,
+    layers_of,
+    learned,
+    missed,
+    needed_force,
+    predict,
+    swings,
+)
+from vsf_drake.contact_file import Discrepancy, DiscrepancyCurve, FittedTrial, MomentumBias
+from vsf_drake.files import plain
+from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.fitted_trial import fingerprint
+from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.parameters import GRAVITY
+from vsf_drake.simulation.reactions import follow
+from vsf_drake.simulation.walk import Walker
+
+STEP_S = 2e-3
+
+
+@pytest.fixture(scope="module")
+def trial():
+    return recording("medium_1")
+
+
+@pytest.fixture(scope="module")
+def walker(trial):
+    return Walker(trial.subject, trial.model)
+
+
+def walked(walker, trial):
+    return walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
+                       step_s=STEP_S, offsets=trial.offsets)
+
+
+@pytest.fixture(scope="module")
+def walk(walker, trial):
+    return walked(walker, trial)
+
+
+@pytest.fixture(scope="module")
+def true_trial(trial, walk):
+    """The trial on a plate that measured what the model gives."""
+    time, side = walk.record.time_s, trial.subject.prosthetic_side
+    plate = replace(trial.prosthetic_plate, time_s=time, force_W=walk.prosthetic.grf_W,
+                    cop_W=np.nan_to_num(walk.prosthetic.cop_W), free_moment_nm=walk.prosthetic.free_moment_nm)
+    return replace(trial, plates={**trial.plates, side: plate})
+
+
+def bare(*trials, **learnt):
+    """A contact that changes nothing, fitted to these trials."""
+    own = tuple(FittedTrial(name=str(i), fingerprint=fingerprint(one)) for i, one in enumerate(trials))
+    return made_contact(values={}, curves=(), trials=own, **learnt)
+
+
+def bias_of(coefficients, sd=None, trials=("0" * 64, "1" * 64)):
+    c, s = (None if values is None else tuple(map(float, values)) for values in (coefficients, sd))
+    return MomentumBias(fore_aft_bw=c[:3], vertical_bw=c[3:], fore_aft_sd_bw=s and s[:3], vertical_sd_bw=s and s[3:],
+                        trials=trials)
+
+
+# Momentum.
+
+
+def test_what_the_ground_must_give_is_mass_times_the_acceleration_of_the_centre_of_mass_less_gravity(walk, trial):
+    """Second method: the second difference of the whole person's mass moment, from the poses alone, about the start of
+    the step, which the stepper's equation M(q_k) (v_k+1 - v_k) / h is about."""
+    tree, record = walk.mechanism.tree, walk.record
+    moment = follow(tree, record.q, record.v, bodies=(0,), coordinates=(),
+                    inside=np.ones(len(tree.body_names), dtype=bool))
+    force = np.diff(moment.mass_moment, n=2, axis=0) / STEP_S**2 + [0.0, 0.0, moment.mass * GRAVITY]
+    window, = swings(walk)
+    needed, weight = needed_force(walk)[window], trial.subject.mass_kg * GRAVITY
+    np.testing.assert_allclose(needed / weight, force[window.start - 2 : window.stop - 2] / weight, atol=1e-3)
+
+
+def test_the_windows_lie_in_single_support_of_the_prosthesis(walk, trial):
+    """Told by the plates under both feet, which `swings` does not see."""
+    stances = {side: [(s.start_s, s.end_s) for s in find_stances(plate.time_s, plate.force_W[:, 2])]
+               for side, plate in trial.plates.items()}
+    own = stances.pop(trial.subject.prosthetic_side)
+    (other,) = stances.values()
+    for window in swings(walk):
+        start, end = walk.record.time_s[window][[0, -1]]
+        assert end - start > 0.3 and any(a < start and end < b for a, b in own)
+        assert not any(a < end and start < b for a, b in other)
+
+
+@pytest.mark.parametrize("height_m", [2e-3, -2e-3])
+def test_a_walk_whose_height_is_wrong_is_mended_where_momentum_is_exact(walker, true_trial, height_m):
+    """The bias is that of the true walk, so that momentum knows its force; 2 mm are two standard deviations of what
+    the layer believes before, and some 6 % body weight."""
+    bias = bias_of(missed(walker, true_trial))
+    wrong = replace(true_trial, offsets=GeometricOffsets(height_m=true_trial.offsets.height_m + height_m))
+    found = predict(wrong, bare(momentum=bias), walker=walker, step_s=STEP_S)
+    assert found.correction.believed and found.correction.height_m * height_m < 0.0
+    before, after = (layers_error(found.comparisons[layer]) for layer in (PHYSICS, MOMENTUM))
+    assert before > 0.04 and after < 0.25 * before
+    missing = np.abs(found.correction.missing_bw[1])
+    assert np.all(missing < 0.5 * SIGMA_BW), "it stops where less is missing than is known"
+
+
+def layers_error(comparison):
+    sizes = (np.linalg.norm(force, axis=1)[comparison.scored] for force in (comparison.model, comparison.measured))
+    return float(np.sqrt(np.mean((next(sizes) - next(sizes)) ** 2))) / comparison.measured[:, 2].max()
+
+
+def test_where_nothing_is_missing_nothing_is_corrected(walker, true_trial):
+    bias = bias_of(missed(walker, true_trial))
+    found = predict(true_trial, bare(momentum=bias), walker=walker, step_s=STEP_S).correction
+    values = [found.height_m, found.hip_flexion_rad, found.knee_angle_rad, found.alignment_rad]
+    np.testing.assert_allclose(values / PRIOR, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("sd", "shift", "why"), [
+    (3.0 * SIGMA_BW, 0.0, "spread"), (0.5 * SIGMA_BW, 1.0, "surprise"), (None, 1.0, "surprise"), (None, None, "bias")])
+def test_a_momentum_that_cannot_be_believed_changes_nothing(walker, true_trial, sd, shift, why):
+    """Biases of fitted trials three times as far apart as their error; a trial that lacks its whole weight; no bias."""
+    bias = None if shift is None else bias_of(missed(walker, true_trial) - shift, sd)
+    found = predict(true_trial, bare(momentum=bias), walker=walker, step_s=STEP_S)
+    assert not found.correction.believed and found.correction.why_not == why
+    assert found.comparisons[MOMENTUM] is found.comparisons[PHYSICS] and not found.added_bw.any()
+
+
+def test_a_walk_in_which_the_intact_foot_never_swings_free_is_left_alone(walker, true_trial):
+    window, = swings(walked(walker, true_trial))
+    early = replace(true_trial, end_s=true_trial.start_s + 0.5 * window.stop * STEP_S + 0.4)
+    found = predict(early, bare(momentum=bias_of(np.zeros(6))), walker=walker, step_s=STEP_S)
+    assert (found.correction.believed, found.correction.why_not) == (False, "window")
+
+
+# Discrepancy.
+
+
+def curve_of(values, fulcrum_m, name="0"):
+    """The same (101,) BW in every component."""
+    series = tuple(map(float, values))
+    return DiscrepancyCurve(fingerprint=name * 64, fulcrum_m=fulcrum_m, measured_bw=series,
+                            **dict.fromkeys(COMPONENTS, series))
+
+
+SHAPE = 0.1 * np.sin(np.pi * PERCENT / 100.0)
+
+
+def test_what_a_repeated_trial_shows_again_is_added_whole():
+    found = earned([curve_of(SHAPE, 0.066), curve_of(SHAPE, 0.066)])
+    np.testing.assert_allclose(interpolated(found, 0.066), np.stack([SHAPE] * 3, axis=1), atol=1e-6)
+    np.testing.assert_allclose(interpolated(found, 0.151), 0.0, atol=1e-12, err_msg="no other setting was tried")
+
+
+def test_noise_earns_nothing():
+    """Independent noise of 0.05 BW at three settings, twice each. By chance two curves of 101 points resemble
+    each other by 1 / sqrt(101) of themselves; twice that is added at most."""
+    draws = np.random.default_rng(3)
+    added = [interpolated(earned([curve_of(0.05 * draws.standard_normal(101), x) for x in (0.066, 0.108, 0.151) * 2]),
+                          0.108) for _ in range(8)]
+    assert np.sqrt(np.mean(np.square(added))) < 0.2 * 0.05
+
+
+def test_a_discrepancy_goes_to_another_setting_only_if_the_settings_share_it():
+    alike = earned([curve_of(SHAPE, 0.066), curve_of(SHAPE, 0.151)])
+    opposite = earned([curve_of(SHAPE, 0.066), curve_of(-SHAPE, 0.151)])
+    assert interpolated(alike, 0.108).max() > 0.7 * SHAPE.max()
+    np.testing.assert_allclose(interpolated(opposite, 0.108), 0.0, atol=1e-4)
+    own = interpolated(opposite, 0.066)[:, 2]
+    np.testing.assert_allclose(own, module.UNTRIED * SHAPE, rtol=1e-6, atol=1e-12, err_msg="no setting was tried twice")
+
+
+def test_a_trial_that_taught_its_whole_error_is_predicted_without_one(walker, trial):
+    contact = learned(bare(trial), [trial], walker=walker, step_s=STEP_S)
+    curve, = contact.discrepancy.curves
+    assert contact.momentum.trials == (fingerprint(trial),) == (curve.fingerprint,)
+    whole = replace(contact, discrepancy=Discrepancy(curves=(curve,), shared=(0.0,) * 3, own=(1.0,) * 3))
+    row = layers_of(trial, "again", whole, walker=walker, step_s=STEP_S)
+    physics, last = (row.layers[layer].grf_rmse_bw for layer in ("physics", "discrepancy"))
+    assert row.fitted and row.null_model_grf_rmse_bw is None and last < 0.2 * physics
+    assert row.layers["discrepancy"].cop_rmse_fl == row.layers["momentum"].cop_rmse_fl
+
+
+def test_the_null_model_has_the_measured_times_or_the_predicted_ones(walker, true_trial):
+    """Of a model that strikes and lifts as the plate says they are the same; a foot that is 8 mm higher is late."""
+    measured = 1.1 * np.sin(np.pi * PERCENT / 100.0)
+    other = replace(curve_of(np.zeros(101), 0.066), measured_bw=tuple(map(float, measured)))
+    contact = bare(true_trial, discrepancy=Discrepancy(curves=(other,), shared=(0.0,) * 3, own=(0.0,) * 3))
+    same = layers_of(true_trial, "same", contact, walker=walker, step_s=STEP_S)
+    assert same.null_model_predicted_times_grf_rmse_bw == pytest.approx(same.null_model_grf_rmse_bw, rel=0.02)
+    high = replace(true_trial, offsets=GeometricOffsets(height_m=true_trial.offsets.height_m + 8e-3))
+    late = layers_of(high, "late", contact, walker=walker, step_s=STEP_S)
+    assert late.null_model_grf_rmse_bw == pytest.approx(same.null_model_grf_rmse_bw, rel=1e-3)
+    assert late.null_model_predicted_times_grf_rmse_bw > 1.05 * late.null_model_grf_rmse_bw
+
+
+# What is told.
+
+
+def row_of(label, errors, *, fitted=False, null=0.03, **correction):
+    scores = {layer: LayerScore(**dict.fromkeys(LayerScore.__dataclass_fields__, error))
+              for layer, error in zip(module.LAYERS, errors, strict=True)}
+    return TrialLayers(
+        label=label, fitted=fitted, fulcrum_mm=66.0, layers=scores, null_model_grf_rmse_bw=null, added_rms_bw=0.0,
+        null_model_predicted_times_grf_rmse_bw=null and null + 0.01,
+        correction=MomentumCorrection(**{"believed": True} | correction))
+
+
+def table_of(*rows, **changes):
+    return replace(LayerTable(trials=rows, momentum=None, untried=True, discrepancy=Discrepancy(
+        curves=(), shared=(0.1, 0.2, 0.3), own=(0.5, 0.4, 0.3))), **changes)
+
+
+def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
+    table = table_of(row_of("low_1", (0.02, 0.01, 0.0), fitted=True), row_of("low_2", (0.07, 0.05, 0.06)),
+                     row_of("low_3", (0.05, 0.05, 0.05), believed=False, why_not="surprise"))
+    assert table.earned == "momentum" and table.mean("momentum", "fore_aft_rmse_bw") == pytest.approx(0.05)
+    text = " ".join(layer_sentences(table))
+    for words in ("6.0 % body weight off by physics alone", "5.0 % with the person's own momentum",
+                  "5.5 % with the disc", "3.0 % off with the measured times", "4.0 % with those",
+                  "earn physics and momentum", "does not correct low_3: foot and momentum", "10, 20, 30 %",
+                  "60 % of it is an assumption"):
+        assert words in text
+    assert table_of(row_of("a", (0.05, 0.05, 0.05))).earned == "physics", "a layer that does nothing earns nothing"
+    alone = table_of(row_of("low_1", (0.02, 0.01, 0.0), fitted=True, believed=False, why_not="spread"), untried=False)
+    text = " ".join(layer_sentences(alone))
+    assert alone.earned is None and "held-out" not in text and "corrects none of the trials" in text
+    assert "Another trial of the same setting shares 60, 60, 60 %" in text
+    assert json.loads(json.dumps(plain(table))) == plain(table)
