@@ -8,13 +8,18 @@ from OpenSim's generic model; for markers nothing is stated but body mass (where
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import yaml
 from command_line import exit_code, read_json
 from scipy.signal import find_peaks
 
-from vsf_drake.analysis.metrics import OFFSETS_BW, UNFITTED_BW
+from vsf_drake.analysis.metrics import OFFSETS_BW, UNFITTED_BW, walk_metrics
+from vsf_drake.analysis.offsets import fit_offsets
+from vsf_drake.files import resource
+from vsf_drake.model_file import load_model
 from vsf_drake.motion.events import kinematic_stances, walking_direction
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import low_pass
@@ -34,7 +39,6 @@ WALKS = {
 CONTACTS = {
     "example3DWalking": [("ground_force_r", "right"), ("ground_force_l", "left"), ("ground_force_r", "right")],
     "bmc_gait": [("6", "left"), ("5", "right"), ("3", "left"), ("4", "right")]}
-BY_ANGLES_BW = {"left": 0.094, "right": 0.128}  # resultant error of example3DWalking from OpenSim's own joint angles
 
 
 def simulated(folder, shared_data, name, side, *, fit_offsets=True):
@@ -72,7 +76,6 @@ def test_walk_of_joint_angles(shared_data, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "side"), [(name, side) for name in CONTACTS for side in ("right", "left")])
-@pytest.mark.xfail(strict=False, reason="stated for the former foot and walks; to be derived anew")
 def test_walk_of_markers(shared_data, tmp_path, name, side):
     trial, metrics, result = simulated(tmp_path, shared_data, name, side)
     assert [(contact.plate, contact.side) for contact in trial.contacts] == CONTACTS[name]
@@ -91,7 +94,7 @@ def test_walk_of_markers(shared_data, tmp_path, name, side):
             cop = cop[np.isfinite(cop)]
             assert np.median(cop[-len(cop) // 5:]) - np.median(cop[: len(cop) // 5]) > 0.3 * result.foot_length_m
     if name == "example3DWalking":
-        assert metrics["grf_rmse_bw"] < 1.25 * BY_ANGLES_BW[side], "about as good as the published angles"
+        assert_as_good_as_the_published_angles(shared_data, tmp_path, side, trial, metrics, result)
     elif side == "right":  # its mass is not stated; OpenSim's left foot misses the plates
         first, second = [c.start_s for c in trial.contacts if c.side == "right"][:2]
         rows = (trial.prosthetic_plate.time_s >= first) & (trial.prosthetic_plate.time_s < second)
@@ -107,6 +110,27 @@ def test_unfitted_walks_are_worth_what_simulate_says(shared_data, tmp_path):
             errors.append(simulated(tmp_path, shared_data, name, side, fit_offsets=fitted)[1]["grf_rmse_bw"])
     for fitted, said in ((False, UNFITTED_BW), (True, OFFSETS_BW)):
         assert (min(found[fitted]), max(found[fitted])) == pytest.approx(said, abs=0.01)
+
+
+def assert_as_good_as_the_published_angles(shared_data, folder, side, trial, metrics, result):
+    """The same person and foot from OpenSim's own joint angles, a half sine and the support that yields beside it.
+
+    The foot has no ankle, the person had one: no foot follows the plate here, so what is asked is relative. A quarter
+    more is what 0.9 degrees of other errors in hip and knee make of it (as squares, 11.9 % of body weight a degree). A
+    half sine knows when the plate was loaded and how much, but not that the force has two humps. And a support that
+    sinks 10 mm under the forefoot's load gives way as an ankle does, where the stiff one does not.
+    """
+    (folder / "angles").mkdir()
+    _, by_angles, _ = simulated(folder / "angles", shared_data, "angles", side)
+    assert metrics["grf_rmse_bw"] < 1.25 * by_angles["grf_rmse_bw"]
+    plate = trial.prosthetic_plate
+    on = (plate.time_s >= trial.start_s) & (plate.time_s <= trial.end_s) & (plate.force_W[:, 2] > 20.0)
+    mean_bw = plate.force_W[on, 2].mean() / metrics["body_weight_n"]
+    half_sine = walk_metrics(result, plate, null_curve=0.5 * np.pi * mean_bw * np.sin(np.linspace(0.0, np.pi, 101)))
+    assert metrics["grf_rmse_bw"] < half_sine.null_model_grf_rmse_bw
+    yielding = dataclasses.replace(trial, model=load_model(resource("models/soft_support.yaml")))
+    walk = simulate_trial(yielding, offsets=fit_offsets(yielding).offsets)
+    assert walk_metrics(walk, plate).grf_rmse_bw < metrics["grf_rmse_bw"]
 
 
 def assert_events_agree(trial):
