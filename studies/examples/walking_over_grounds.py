@@ -28,6 +28,7 @@ from pydrake.math import RotationMatrix
 from vsf_drake.contact_file import load_contact
 from vsf_drake.files import resource, write_json
 from vsf_drake.ground import Ground, GroundPatch
+from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
@@ -66,14 +67,14 @@ def uphill(trajectory: CoordinateTrajectory, slope_deg: float) -> CoordinateTraj
 
 
 def walk_on(trial: Trial, ground: Ground, longest_s: float = np.inf) -> ReferenceWalk:
-    """Walks from 20 ms before the prosthetic foot strikes `ground` to 20 ms after it leaves, or for `longest_s`."""
+    """Walks from 20 ms before the prosthetic foot first strikes to 20 ms after it leaves, or for `longest_s`."""
     plate = trial.prosthetic_plate
-    strike, leave = plate.time_s[plate.force_W[:, 2] > 20.0][[0, -1]].round(3)
-    start_s = float(strike) - 0.02
+    stance = find_stances(plate.time_s, plate.force_W[:, 2])[0]
+    start_s = round(stance.start_s, 3) - 0.02
     return walk_over(
         trial.subject, trial.model, uphill(trial.trajectory, ground.patches[0].slope_deg), ground,
         fulcrum_m=trial.fulcrum_m, offsets=trial.offsets, start_s=start_s,
-        end_s=start_s + min(float(leave) + 0.02 - start_s, longest_s), sample_s=SAMPLE_S)
+        end_s=start_s + min(round(stance.end_s, 3) + 0.02 - start_s, longest_s), sample_s=SAMPLE_S)
 
 
 def in_ground(vectors_W: np.ndarray, ground: Ground) -> np.ndarray:

@@ -259,6 +259,8 @@ def test_with_joints_locked_the_leg_is_an_inverted_pendulum_on_the_spring_of_its
 PAPER_BW = 0.053
 """Body weights, root mean square, that McGeehan's model left in the very trial it was fitted to."""
 SOLE_M = 0.24
+ROW_M = 0.0105
+"""Between two rows of the forefoot's spheres."""
 SAME_BW = 1e-3
 """What the integrator's accuracy of 1e-3 is worth, in body weights."""
 
@@ -383,19 +385,19 @@ def test_friction_stays_in_the_cone_of_each_ground_and_ice_limits_braking(over_g
     assert ice.grf_W[:, 0].min() > 0.5 * level.grf_W[:, 0].min()
 
 
-@pytest.mark.xfail(strict=False, reason="stated for the former foot and walks; to be derived anew")
 def test_over_a_whole_stance_on_level_ground_the_load_is_what_was_recorded_and_goes_from_heel_to_toe(trial, weight):
     """A synthetic trial that the contact was not fitted to; nearer than the paper came to one that it was fitted to."""
     run = walk_on(trial, Ground())
     force, share = run.grf_W, (run.time_s - run.time_s[0]) / (run.time_s[-1] - run.time_s[0])
     assert off(force[:, 2], run.time_s, trial.prosthetic_plate) < PAPER_BW * weight
+    # Two humps, braking and propulsion stand out by more than that error.
     first, middle, last = (force[(share >= a) & (share < b), 2] for a, b in ((0.0, 0.35), (0.35, 0.6), (0.6, 1.0)))
-    assert min(first.max(), last.max()) > weight > 1.1 * middle.min()
-    assert force[share < 0.35, 0].min() < -0.05 * weight
-    assert force[share > 0.6, 0].max() > 0.05 * weight
+    assert min(first.max(), last.max()) - middle.min() > 2.0 * PAPER_BW * weight
+    assert force[share < 0.35, 0].min() < -PAPER_BW * weight
+    assert force[share > 0.6, 0].max() > PAPER_BW * weight
     loaded = force[:, 2] > 0.1 * weight
     way = run.cop_W[loaded, 0]
     assert way[-1] - way[0] > 0.8 * SOLE_M
-    assert np.all(np.diff(way) > -1e-3)
+    assert np.max(np.maximum.accumulate(way) - way) < ROW_M  # nearer than its rows the sole does not know where it is
     assert force[0, 2] == 0.0
     assert force[-1, 2] == 0.0
