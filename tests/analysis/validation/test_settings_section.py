@@ -165,11 +165,6 @@ def table(quick_validation):
     return saved_section(quick_validation, "settings").table
 
 
-def walks_of(base, trials, positions=(0.108,)):
-    cases = [WalkCase(trial=trial, fulcrum_m=x, step_s=STEP_S) for trial in trials for x in positions]
-    return [base.record(outcome) for outcome in simulate_batch(cases, keep=KEEP, workers=1)]
-
-
 def with_options(study, **changes):
     return dataclasses.replace(study, options=dataclasses.replace(study.options, **changes))
 
@@ -224,24 +219,38 @@ def test_pairs_are_held_against_noise_alone_where_the_model_s_error_is_not_known
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=False, reason="stated for the former foot and walks; to be derived anew")
-def test_monte_carlo_agrees_with_linear_propagation_of_each_error():
+def test_monte_carlo_agrees_with_linear_propagation_of_each_error_but_for_the_centre_of_pressure():
+    """As far as the second-order term allows: normal draws leave it uncorrelated with the first but for their number.
+
+    The centre of pressure's rearmost place is no smooth function of the motion: at the strike it moves a centimetre in
+    4 ms, so that it hops with the place of the first loaded instant in a step, and its second order exceeds its first.
+    """
     base = base_of(embedded_study().walks[1], NoiseSizes(session_deg=0.0, session_smooth_deg=0.0))
     noise, size = base.noise, base.noise.sizes
     count = base.trial.trajectory.values.shape[1]
     sigma = {i: np.radians(size.recording_deg) for i in noise.angles}
     sigma |= {i: 1e-3 * size.recording_mm for i in noise.place}
-    errors = [sign * value * np.eye(count)[i] for i, value in sigma.items() for sign in (1.0, -1.0)]
-    ends = np.array([record.values for record in walks_of(base, map(noise.perturbed, errors))])
+
+    def walked(errors):  # in steps that resolve strike and lift-off four times finer than the section's
+        cases = [WalkCase(trial=noise.perturbed(error), fulcrum_m=0.108, step_s=STEP_S / 4) for error in errors]
+        return np.array([base.record(outcome).values for outcome in simulate_batch(cases, keep=KEEP, workers=1)])
+
+    alone = walked([np.zeros(count)])[0]
+    ends = walked([sign * value * np.eye(count)[i] for i, value in sigma.items() for sign in (1.0, -1.0)])
     slopes = 0.5 * (ends[::2] - ends[1::2])  # of one standard deviation of each error
-    random = np.random.default_rng(4)
-    drawn = np.array([noise.recording(random) for _ in range(60)])
-    found = np.std([record.values for record in walks_of(base, map(noise.perturbed, drawn))], axis=0, ddof=1)
+    bends = 0.5 * (ends[::2] + ends[1::2]) - alone
+    random, draws = np.random.default_rng(4), 60
+    drawn = np.array([noise.recording(random) for _ in range(draws)])
+    found = np.std(walked(drawn), axis=0, ddof=1)
     linear = np.std(drawn[:, list(sigma)] / np.array([*sigma.values()]) @ slopes, axis=0, ddof=1)
-    assert found == pytest.approx(linear, rel=0.25)  # the same draws: what is left is that peaks are not linear
-    assert np.median(found / linear) == pytest.approx(1.0, abs=0.05)
-    # of 60 draws a standard deviation has a standard error of 9 %
-    assert linear == pytest.approx(np.sqrt(np.sum(slopes**2, axis=0)), rel=0.4)
+    # Standard deviation of the second order over that of the first, mixed terms as large as the squares.
+    second = np.sqrt(2.0 * len(sigma) * np.sum(bends**2, axis=0)) / linear
+    smooth = np.array([not name.startswith("cop_") for name in NAMES])
+    assert np.all(second[smooth] < 0.3) and np.all(second[~smooth] > 1.0)
+    allowed = 0.5 * second**2 + 3.0 * second / np.sqrt(draws - 1)  # three standard errors of a correlation of none
+    assert np.all(np.abs(found / linear - 1.0)[smooth] < allowed[smooth])
+    # A standard deviation of n draws has a standard error of 1 / sqrt(2 (n - 1)).
+    assert linear == pytest.approx(np.sqrt(np.sum(slopes**2, axis=0)), rel=3.0 / np.sqrt(2.0 * (draws - 1)))
 
 
 def test_one_trial_without_contact_fit_still_says_what_noise_allows(monkeypatch):
