@@ -133,9 +133,10 @@ def test_dropped_leg_comes_to_rest_on_its_weight_at_a_millisecond(contact):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=False, reason="stated for the former foot and walks; to be derived anew")
 def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_ends_the_run(monkeypatch):
-    """40 kg at 0.1 ms had a fifth more peak and rested on 1.09 times its weight; level, the heel bears it."""
+    """A step that friction bears is as near as STICKING_STEPS says, and halved at least twice as near: forces from the
+    start of a step are of first order. Level, the heel bears the leg at the longer step too.
+    """
     monkeypatch.setattr(contact_comparison, "LEG_KG", 40.0)
     monkeypatch.setattr(contact_comparison, "RAIL_N_S_PER_M", 600.0)
 
@@ -144,9 +145,10 @@ def test_on_the_forefoot_of_a_heavier_leg_a_step_that_friction_does_not_bear_end
 
     _, _, note = landing(1e-4)
     assert "friction under 150 N on keel body 8" in note  # 8 mass threshold velocity / (mu_static step)
-    (force, _, note), (fine, _, _) = landing(3e-5), landing(1.5e-5)
+    (coarse, _, note), (half, _, _), (fine, _, _) = (landing(step) for step in (3e-5, 1.5e-5, 7.5e-6))
     assert note == ""
-    np.testing.assert_allclose(force, fine, atol=0.01 * fine.max())
+    off, half_off = (np.sqrt(np.mean((force - fine) ** 2)) for force in (coarse, half))
+    assert off < 0.03 * fine.max() and half_off < 0.5 * off
     monkeypatch.setattr(contact_comparison, "LEAN_RAD", 0.0)
     assert landing(1e-4)[2] == ""
 
