@@ -315,7 +315,9 @@ def test_uphill_every_anatomical_body_has_the_pose_of_level_ground_turned_about_
 
 def test_in_the_slopes_axes_the_forces_are_those_of_level_ground_but_for_the_weight_of_what_hangs_free(
         over_grounds, gait, weight):
-    """Gravity turns against the motion. It moves nothing prescribed, but bears on socket, pylon and foot."""
+    """Gravity turns against the motion. It moves nothing prescribed, but bears on socket, pylon and foot. The strike
+    catches that weight suddenly: on a spring such a load has at most twice its effect at rest.
+    """
     slope, level, ground = over_grounds["slope"], over_grounds["level"], GROUNDS["slope"]
     np.testing.assert_allclose(in_ground(slope.intact_grf_W, ground), level.intact_grf_W, atol=SAME_BW * weight)
     plant, anatomy = gait.plant, {body.index() for body in gait.person.segments.values()}
@@ -325,7 +327,7 @@ def test_in_the_slopes_axes_the_forces_are_those_of_level_ground_but_for_the_wei
     assert prescribed_kg + free_kg == pytest.approx(weight / GRAVITY)  # nothing is left out
     turned_weight = free_kg * GRAVITY * 2.0 * np.sin(0.5 * np.radians(SLOPE_DEG))
     difference = in_ground(slope.grf_W, ground) - level.grf_W
-    assert np.linalg.norm(difference, axis=1).max() < turned_weight + SAME_BW * weight
+    assert np.linalg.norm(difference, axis=1).max() < 2.0 * turned_weight + SAME_BW * weight
     loaded = level.grf_W[:, 2] > 200.0
     np.testing.assert_allclose(in_ground(slope.cop_W[loaded], ground), level.cop_W[loaded],
                                atol=turned_weight / 200.0 * SOLE_M)
