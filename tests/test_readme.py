@@ -21,6 +21,11 @@ if __name__ == "__main__":
             exec(compile(block, f"block {number}", "exec"), {"__name__": "__main__"})
         print(json.dumps(said.getvalue()), flush=True)
 """
+LATER = """
+for moment in (0.75, 1.0):
+    simulator.AdvanceTo(moment)
+    print(wired.GetOutputPort("grf").Eval(forces))
+"""
 
 
 def test_readme_shows_bench_walk_and_validation_and_what_it_imports_is_there():
@@ -32,16 +37,22 @@ def test_readme_shows_bench_walk_and_validation_and_what_it_imports_is_there():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=False, reason="stated for the former foot and walks; to be derived anew")
 def test_readme_blocks_run_outside_the_checkout_and_the_leg_comes_to_rest_on_its_weight(tmp_path):
-    """One process for all, each with names of its own."""
-    (tmp_path / "blocks.json").write_text(json.dumps(BLOCKS), encoding="utf-8")
+    """One process for all, each with names of its own.
+
+    Friction that creeps (in proportion to speed below its threshold) holds nothing at rest: what the landing bent in
+    hip and knee slides away, by one exponential of 0.8 s. Three equal steps of it tell where it ends (Aitken).
+    """
+    blocks = [block + LATER if "wire_foot(" in block else block for block in BLOCKS]
+    (tmp_path / "blocks.json").write_text(json.dumps(blocks), encoding="utf-8")
     (tmp_path / "run.py").write_text(RUNNING, encoding="utf-8")
     done = subprocess.run([sys.executable, "run.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     said = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(said) == len(BLOCKS) and all(text.strip() for text in said)
     leg = said[next(number for number, block in enumerate(BLOCKS) if "wire_foot(" in block)]
-    force, weight = (re.findall(r"-?\d+\.\d*", line) for line in leg.splitlines())
-    assert float(force[2]) == pytest.approx(float(weight[0]), rel=1e-3)
-    assert abs(float(force[0])) < 0.01 * float(weight[0])
+    force, weight, *later = ([float(x) for x in re.findall(r"-?\d+\.\d*", line)] for line in leg.splitlines())
+    assert force[2] == pytest.approx(weight[0], rel=1e-3)
+    first, second, third = force[0], later[0][0], later[1][0]
+    assert 0.0 < third / second < 1.0 and 0.0 < second / first < 1.0
+    assert abs(first * third - second**2) < 1e-3 * weight[0] * abs(first + third - 2.0 * second)
