@@ -3,11 +3,13 @@
 A fit corrects what all trials get wrong alike. What each trial gets wrong for itself (people's angles repeat within a
 degree at best) it cannot know. Here the fitted model stays as it is, and every trial is walked again with a constant
 error of each hip and knee angle of the prosthetic leg, drawn for this trial alone. The pelvis goes where it was
-recorded, so that the foot goes where the wrong angles put it.
+recorded, so that the foot goes where the wrong angles put it. A contact that holds what its plates taught predicts
+trials that were not fitted in layers (`analysis.prediction`), each of which has its own row.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -15,9 +17,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vsf_drake.analysis.metrics import agreement
+from vsf_drake.analysis.prediction import LAYERS, PHYSICS, predict
 from vsf_drake.analysis.sweep_table import scores
+from vsf_drake.contact_file import FittedContact
+from vsf_drake.errors import SimulationError
 from vsf_drake.motion.trial import Trial
+from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, simulate_batch
+from vsf_drake.simulation.walk import Walker
 
 SD_DEG = (0.0, 0.25, 0.5, 1.0)
 DRAWS = 4
@@ -36,7 +44,7 @@ class JudgedTrial(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class AngleErrorRow:
-    """The trials of one role with one standard deviation of the extra errors, over trials and draws.
+    """The trials of one role with one standard deviation of the extra errors in one layer, over trials and draws.
 
     Attributes:
         walks: that have a score; failed: that have none.
@@ -52,12 +60,18 @@ class AngleErrorRow:
     grf_rmse_bw_worst: float | None
     beats_null: int
     beats_null_of: int
+    layer: str = PHYSICS
 
 
-def angle_error_rows(trials: Sequence[JudgedTrial], *, step_s: float, seed: int) -> tuple[AngleErrorRow, ...]:
-    """A row for each role, in the order of the trials, and each of SD_DEG; without extra errors a trial walks once.
+def angle_error_rows(
+    trials: Sequence[JudgedTrial], *, step_s: float, seed: int, contact: FittedContact | None = None,
+    in_layers: str = ""
+) -> tuple[AngleErrorRow, ...]:
+    """A row for each role, in the order of the trials, each of SD_DEG and each layer; without extra errors a trial
+    walks once. The same draws, scaled, serve all standard deviations.
 
-    The same draws, scaled, serve all standard deviations.
+    Args:
+        contact: the trials', with what its plates taught. in_layers: the role whose trials have rows of layers.
     """
     cases, keys = [], list[tuple[str, float, float | None]]()
     for i, (trial, role, null) in enumerate(trials):
@@ -68,20 +82,41 @@ def angle_error_rows(trials: Sequence[JudgedTrial], *, step_s: float, seed: int)
                 errors = dict(zip(names, map(float, np.radians(sd_deg * unit)), strict=True))
                 cases.append(WalkCase(trial=trial, values=errors, step_s=step_s))
                 keys.append((role, sd_deg, null))
+    errors_bw: dict[str, list[float | None]] = {}
     with ThreadPoolExecutor(2) as pool:
-        errors_bw = [_error(outcome) for outcome in simulate_batch(cases, executor=pool)]
+        errors_bw[PHYSICS] = [_error(outcome) for outcome in simulate_batch(cases, executor=pool)]
+        if contact is not None:
+            walker = Walker(trials[0].trial.subject, trials[0].trial.model)
+            found = [*pool.map(lambda case, key: _layered(case, contact, walker) if key[0] == in_layers else {}, cases,
+                               keys)]
+            errors_bw |= {layer: [one.get(layer) for one in found] for layer in LAYERS[1:]}
     rows = []
     for role in dict.fromkeys(one.role for one in trials):
-        for sd_deg in SD_DEG:
-            own = [(error, null) for error, (of, sd, null) in zip(errors_bw, keys, strict=True)
+        for sd_deg, (layer, errors_of_layer) in itertools.product(SD_DEG, errors_bw.items()):
+            if layer != PHYSICS and role != in_layers:
+                continue
+            own = [(error, null) for error, (of, sd, null) in zip(errors_of_layer, keys, strict=True)
                    if (of, sd) == (role, sd_deg)]
             known = [error for error, _ in own if error is not None]
             beaten = [error < null for error, null in own if error is not None and null is not None]
             rows.append(AngleErrorRow(
-                role=role, sd_deg=sd_deg, walks=len(known), failed=len(own) - len(known),
+                role=role, sd_deg=sd_deg, walks=len(known), failed=len(own) - len(known), layer=layer,
                 grf_rmse_bw=float(np.mean(known)) if known else None, grf_rmse_bw_worst=max(known, default=None),
                 beats_null=sum(beaten), beats_null_of=len(beaten)))
     return tuple(rows)
+
+
+def _layered(case: WalkCase, contact: FittedContact, walker: Walker) -> dict[str, float | None]:
+    """Of the resultant (BW) in the layers; none where the walk failed."""
+    trial = case.trial
+    try:
+        walk = predict(trial, contact, walker=walker, step_s=case.step_s, errors=case.values)
+    except SimulationError:
+        return {}
+    result = walk.results[PHYSICS]
+    return {layer: agreement(
+        comparison, trial.prosthetic_plate, body_weight_n=result.subject_mass_kg * GRAVITY,
+        foot_length_m=result.foot_length_m).grf_rmse_bw for layer, comparison in walk.comparisons.items()}
 
 
 def _error(outcome: WalkOutcome) -> float | None:

@@ -174,20 +174,23 @@ def variables_of(trial: Trial) -> tuple[str, ...]:
     return ("offset.height", f"coordinate.hip_flexion_{side}", f"coordinate.knee_angle_{side}", "offset.alignment")
 
 
-def predict(trial: Trial, contact: FittedContact, *, walker: Walker, step_s: float) -> LayeredWalk:
-    """A trial that has the fitted contact (`trial_with`) in layers; `walker` is of its subject and model.
+def predict(
+    trial: Trial, contact: FittedContact, *, walker: Walker, step_s: float, errors: Mapping[str, float] | None = None
+) -> LayeredWalk:
+    """A trial that has the fitted contact (`trial_with`) in layers; `walker` is of its subject and model. `errors` are
+    further variables of its walk, by name, of which the layers know nothing.
 
     Raises:
         SimulationError: the walk of the physics fails.
     """
-    physics, result = _compared(walker, trial, {}, step_s)
-    bias = contact.momentum
+    errors, bias = errors or {}, contact.momentum
+    physics, result = _compared(walker, trial, errors, step_s)
     correction = MomentumCorrection(believed=False, why_not="bias") if bias is None else corrected(
-        walker, trial, bias, heading=physics.heading)
+        walker, trial, bias, heading=physics.heading, errors=errors)
     second = physics, result
     if correction.believed:
-        values = (correction.height_m, correction.hip_flexion_rad, correction.knee_angle_rad, correction.alignment_rad)
-        second = _compared(walker, trial, dict(zip(variables_of(trial), values, strict=True)), step_s)
+        c = correction.height_m, correction.hip_flexion_rad, correction.knee_angle_rad, correction.alignment_rad
+        second = _compared(walker, trial, _with(errors, trial, np.array(c)), step_s)
     added = np.zeros((len(PERCENT), 3))
     if contact.discrepancy is not None:
         added = interpolated(contact.discrepancy, trial.fulcrum_m)
@@ -288,6 +291,12 @@ def _walk(
                        step_s=step_s, offsets=trial.offsets, values=values, with_respect_to=with_respect_to)
 
 
+def _with(errors: Mapping[str, float], trial: Trial, c: np.ndarray) -> dict[str, float]:
+    """Values of the trial's walk with its errors and the corrections c (4,)."""
+    return {**errors, **{name: errors.get(name, 0.0) + float(own)
+                         for name, own in zip(variables_of(trial), c, strict=True)}}
+
+
 def _numbers(values: np.ndarray) -> tuple[float, ...]:
     return tuple(map(float, values))
 
@@ -295,17 +304,19 @@ def _numbers(values: np.ndarray) -> tuple[float, ...]:
 # Momentum.
 
 
-def corrected(walker: Walker, trial: Trial, bias: MomentumBias, *, heading: np.ndarray) -> MomentumCorrection:
-    """What momentum makes of a trial that has the fitted contact; heading (2,) of its walk."""
+def corrected(
+    walker: Walker, trial: Trial, bias: MomentumBias, *, heading: np.ndarray, errors: Mapping[str, float]
+) -> MomentumCorrection:
+    """What momentum makes of a trial that has the fitted contact; heading (2,) of its walk, `errors` as `predict`'s."""
     began = time.perf_counter()
     if not alike(bias):
         return MomentumCorrection(believed=False, why_not="spread")
-    names, bias_bw, c = variables_of(trial), np.array([*bias.fore_aft_bw, *bias.vertical_bw]), np.zeros(len(PRIOR))
+    bias_bw, c = np.array([*bias.fore_aft_bw, *bias.vertical_bw]), np.zeros(len(PRIOR))
     before: np.ndarray | None = None
     surprise, windows = 0.0, tuple[slice, ...]()
     for _ in range(MOST_STEPS):
         try:
-            walk = _walk(walker, trial, dict(zip(names, map(float, c), strict=True)), FIT_STEP_S, names)
+            walk = _walk(walker, trial, _with(errors, trial, c), FIT_STEP_S, variables_of(trial))
         except SimulationError:
             return MomentumCorrection(believed=False, why_not="walk", surprise=surprise)
         windows = windows or swings(walk)

@@ -97,7 +97,7 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
         title=title[0].upper() + title[1:] if table.success else f"FAILED: {title}", judged=bool(scores),
         trial_headings=[HEADINGS[i].replace("\n", " ") for i in columns],
         trial_rows=[[trial_cells(trial)[i] for i in columns] for trial in table.trials if trial.score or not scores],
-        angle_error_rows=[(row.role, f"{row.sd_deg:g}", str(row.walks), str(row.failed),
+        angle_error_rows=[(row.role, row.layer, f"{row.sd_deg:g}", str(row.walks), str(row.failed),
                            number(row.grf_rmse_bw, "{:.1f}", 100.0), number(row.grf_rmse_bw_worst, "{:.1f}", 100.0),
                            f"{row.beats_null} of {row.beats_null_of}") for row in table.angle_errors],
         foot_length_m=scores[0].metrics.foot_length_m if scores else None,

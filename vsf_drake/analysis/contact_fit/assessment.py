@@ -21,7 +21,7 @@ from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, J
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
 from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
-from vsf_drake.analysis.prediction import LayerTable, layer_sentences, layer_table
+from vsf_drake.analysis.prediction import PHYSICS, LayerTable, layer_sentences, layer_table
 from vsf_drake.bench_curves import BenchMeasurement
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.fitted_trial import trial_with
@@ -164,18 +164,17 @@ def assess(
         scores.append(_trial_score(solution, trial, label, name, others, sweep, floors.get(name)))
     joint = isinstance(solution.end, JointEnd)  # the paper's fit is of one trial
     left = _left_out(solution, tell) if leave_out and joint and len(fit.trials) > 1 else ()
-    rows: tuple[AngleErrorRow, ...] = ()
-    contact = solution.contact() if angle_errors or layers else None
+    table, rows, contact = None, tuple[AngleErrorRow, ...](), solution.contact() if angle_errors or layers else None
+    if layers and contact:
+        tell("predicting in layers", 1.0)
+        table = layer_table(contact, fit.trials, held_out, names, step_s=fit.options.report_step_s)
     if angle_errors and contact:
         tell("walking with errors of hip and knee", 1.0)
         rows = angle_error_rows(
             [JudgedTrial(trial_with(trial, contact), score.role, score.metrics.null_model_grf_rmse_bw)
              for trial, score in zip([*fit.trials, *held_out], scores, strict=True)],
-            step_s=fit.options.report_step_s, seed=fit.options.seed)
-    table = None
-    if layers and contact:
-        tell("correcting by momentum", 1.0)
-        table = layer_table(contact, fit.trials, held_out, names, step_s=fit.options.report_step_s)
+            step_s=fit.options.report_step_s, seed=fit.options.seed, contact=None if table is None else table.teach(contact),
+            in_layers=HELD_OUT)
     return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution), angle_errors=rows, layers=table)
 
 
@@ -277,6 +276,7 @@ def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None)
 def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, ...]:
     """What to make of a fit that succeeded, in sentences with the numbers that they come from."""
     scores, rows = assessment.scores, assessment.left_out
+    layer = None if assessment.layers is None else assessment.layers.earned
     held_out = [s for s in scores if s.role == HELD_OUT]
     alone = {row.left_out for row in rows if row.kind == "trial"}
     left_out = []
@@ -292,7 +292,8 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
         paper=PUBLISHED, one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
         held=assessment.mean(HELD_OUT, "grf_rmse_bw"),
         worst=max(errors, key=lambda pair: pair[1], default=(None, 0.0))[0],
-        disturbed=[row for row in assessment.angle_errors if row.role == HELD_OUT and row.sd_deg and row.walks],
+        disturbed=[row for row in assessment.angle_errors if row.role == HELD_OUT and row.sd_deg and row.walks
+                   and row.layer == (layer or PHYSICS)], layer=layer,
         nulls=[null for _, null in nulls],
         beaten=[s.label for s, null in nulls if s.metrics.grf_rmse_bw is not None and s.metrics.grf_rmse_bw >= null],
         below=[s.label for s in scores if s.floor_grf_rmse_bw is not None and s.metrics.grf_rmse_bw is not None
