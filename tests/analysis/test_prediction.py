@@ -13,27 +13,20 @@ import pytest
 from made_contact import made_contact
 from made_fit import recording
 
-from vsf_drake.analysis import prediction as module
 from vsf_drake.analysis.comparison import PERCENT
+from vsf_drake.analysis.discrepancy import COMPONENTS, UNTRIED, earned, interpolated
+from vsf_drake.analysis.momentum import PRIOR, SIGMA_BW, MomentumCorrection, missed, needed_force, swings
 from vsf_drake.analysis.prediction import (
-    COMPONENTS,
+    LAYERS,
     MOMENTUM,
     PHYSICS,
-    PRIOR,
-    SIGMA_BW,
     LayerScore,
     LayerTable,
-    MomentumCorrection,
     TrialLayers,
-    earned,
-    interpolated,
     layer_sentences,
     layers_of,
     learned,
-    missed,
-    needed_force,
     predict,
-    swings,
 )
 from vsf_drake.contact_file import Discrepancy, DiscrepancyCurve, FittedTrial, MomentumBias
 from vsf_drake.files import plain
@@ -142,7 +135,7 @@ def test_where_nothing_is_missing_nothing_is_corrected(walker, true_trial):
 
 
 @pytest.mark.parametrize(("sd", "shift", "why"), [
-    (3.0 * SIGMA_BW, 0.0, "spread"), (0.5 * SIGMA_BW, 1.0, "surprise"), (None, 1.0, "surprise"), (None, None, "bias")])
+    (3.0 * SIGMA_BW, 0.0, "spread"), (0.5 * SIGMA_BW, 1.0, "motion"), (None, 1.0, "motion"), (None, None, "bias")])
 def test_a_momentum_that_cannot_be_believed_changes_nothing(walker, true_trial, sd, shift, why):
     """Biases of fitted trials three times as far apart as their error; a trial that lacks its whole weight; no bias."""
     bias = None if shift is None else bias_of(missed(walker, true_trial) - shift, sd)
@@ -192,7 +185,7 @@ def test_a_discrepancy_goes_to_another_setting_only_if_the_settings_share_it():
     assert interpolated(alike, 0.108).max() > 0.7 * SHAPE.max()
     np.testing.assert_allclose(interpolated(opposite, 0.108), 0.0, atol=1e-4)
     own = interpolated(opposite, 0.066)[:, 2]
-    np.testing.assert_allclose(own, module.UNTRIED * SHAPE, rtol=1e-6, atol=1e-12, err_msg="no setting was tried twice")
+    np.testing.assert_allclose(own, UNTRIED * SHAPE, rtol=1e-6, atol=1e-12, err_msg="no setting was tried twice")
 
 
 def test_a_trial_that_taught_its_whole_error_is_predicted_without_one(walker, trial):
@@ -224,7 +217,7 @@ def test_the_null_model_has_the_measured_times_or_the_predicted_ones(walker, tru
 
 def row_of(label, errors, *, fitted=False, null=0.03, **correction):
     scores = {layer: LayerScore(**dict.fromkeys(LayerScore.__dataclass_fields__, error))
-              for layer, error in zip(module.LAYERS, errors, strict=True)}
+              for layer, error in zip(LAYERS, errors, strict=True)}
     return TrialLayers(
         label=label, fitted=fitted, fulcrum_mm=66.0, layers=scores, null_model_grf_rmse_bw=null, added_rms_bw=0.0,
         null_model_predicted_times_grf_rmse_bw=null and null + 0.01,
@@ -238,12 +231,12 @@ def table_of(*rows, **changes):
 
 def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
     table = table_of(row_of("low_1", (0.02, 0.01, 0.0), fitted=True), row_of("low_2", (0.07, 0.05, 0.06)),
-                     row_of("low_3", (0.05, 0.05, 0.05), believed=False, why_not="surprise"))
+                     row_of("low_3", (0.05, 0.05, 0.05), believed=False, why_not="motion"))
     assert table.earned == "momentum" and table.mean("momentum", "fore_aft_rmse_bw") == pytest.approx(0.05)
     text = " ".join(layer_sentences(table))
     for words in ("6.0 % body weight off by physics alone", "5.0 % with the person's own momentum",
                   "5.5 % with the disc", "3.0 % off with the measured times", "4.0 % with those",
-                  "earn physics and momentum", "does not correct low_3: foot and momentum", "10, 20, 30 %",
+                  "earn physics and momentum", "does not correct low_3: the recorded motion", "10, 20, 30 %",
                   "60 % of it is an assumption"):
         assert words in text
     assert table_of(row_of("a", (0.05, 0.05, 0.05))).earned == "physics", "a layer that does nothing earns nothing"

@@ -173,8 +173,8 @@ def assess(
         rows = angle_error_rows(
             [JudgedTrial(trial_with(trial, contact), score.role, score.metrics.null_model_grf_rmse_bw)
              for trial, score in zip([*fit.trials, *held_out], scores, strict=True)],
-            step_s=fit.options.report_step_s, seed=fit.options.seed, contact=None if table is None else table.teach(contact),
-            in_layers=HELD_OUT)
+            step_s=fit.options.report_step_s, seed=fit.options.seed, in_layers=HELD_OUT,
+            contact=None if table is None else table.teach(contact))
     return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution), angle_errors=rows, layers=table)
 
 
