@@ -78,6 +78,7 @@ def variables_of(trial: Trial) -> tuple[str, ...]:
 def walk_of(
     walker: Walker, trial: Trial, values: Mapping[str, float], step_s: float, with_respect_to: Sequence[str] = ()
 ) -> Walk:
+    """A trial walked as its manifest says, with these values."""
     return walker.walk(trial.trajectory, fulcrum_m=trial.fulcrum_m, start_s=trial.start_s, end_s=trial.end_s,
                        step_s=step_s, offsets=trial.offsets, values=values, with_respect_to=with_respect_to)
 
