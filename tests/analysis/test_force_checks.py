@@ -9,6 +9,7 @@ from vsf_drake.analysis.recording import force_checks
 from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, floor_point, slip_velocity, turns_in_stance
 from vsf_drake.motion.events import Stance, find_stances
 from vsf_drake.motion.formats.recording import PlateRecording
+from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 
 STANCE = Stance(0.5, 1.2)
@@ -212,6 +213,26 @@ def test_lag_of_fifty_milliseconds_is_found_within_five(late):
     assert check.value == pytest.approx(late, abs=0.005)
     assert check.mark == ("good" if late < 0.01 and late >= 0.0 else "unusable")
     assert check.cost_bw == (0.0 if check.mark == "good" else pytest.approx(2.5 * 0.05, rel=0.1))
+
+
+def test_a_lag_is_read_where_what_else_moves_the_body_shifts_it_by_no_more_than_is_told(monkeypatch):
+    """Disturbances of the lag's own band beside the least squares of a shift, at the correlation that is asked."""
+    least, draws, steps_per_s, measured_s = force_checks.BELIEVABLE_R, 200, 2.0, 1.5
+    random, time = np.random.default_rng(0), np.arange(0.0, measured_s + 1.0, 0.01)
+    known, force = (time >= 0.5) & (time <= 0.5 + measured_s), np.sin(2.0 * np.pi * steps_per_s * time)
+
+    def spread_s(correlation):
+        return np.sqrt((correlation**-2 - 1.0) / (2.0 * force_checks.LAG_CUTOFF_HZ * measured_s)) \
+            / (2.0 * np.pi * steps_per_s)
+
+    monkeypatch.setattr(force_checks, "BELIEVABLE_R", 0.0)  # also of the draws that happen to correlate less
+    read = []
+    for _ in range(draws):
+        other = low_pass(random.standard_normal(len(time)), rate_hz=100.0, cutoff_hz=force_checks.LAG_CUTOFF_HZ)
+        other *= np.sqrt(least**-2 - 1.0) * force.std() / other.std()
+        read.append(force_checks.lag(time, force, force + other, known).value)
+    assert np.std(read) == pytest.approx(spread_s(least), rel=3.0 / np.sqrt(2.0 * draws))
+    assert spread_s(least) < force_checks.TOLD_S < spread_s(0.85)
 
 
 @pytest.mark.parametrize(("beside", "mark"), [(0.02, "good"), (0.09, "doubtful"), (0.4, "unusable")])
