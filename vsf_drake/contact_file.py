@@ -7,7 +7,8 @@
     verdict: [Two settings were fitted., ...]
     values: {contact.forefoot.stiffness: 7.9e+3, offset.height: 0.002, coordinate.hip_flexion_r: 0.01}
     curves: [{coordinate: hip_flexion_r, coefficients: [0.0, 0.001, ...]}]
-    trials: [{name: low 1, fingerprint: 3f..., height_m: 0.001, path: {pelvis_tx: [0.0, ...]}}]
+    trials: [{name: low 1, fingerprint: 3f..., height_m: 0.001, path: {pelvis_tx: [0.0, ...]},
+              curves: {hip_flexion_r: [0.0, ...]}}]
     momentum: {vertical_bw: [-0.02, ...], fore_aft_bw: [...], trials: [3f..., ...], ...}
     discrepancy: {curves: [{fingerprint: 3f..., fulcrum_m: 0.066, vertical_bw: [...], ...}], shared: [...], own: [...]}
     provenance: {versions: {...}, seed: 0}
@@ -15,7 +16,7 @@
 `values` are variables of a walk (`vsf_drake.simulation.variables`): those of contact, friction, keel, fulcrum and
 socket replace the model's, offsets and coordinates are added to the trial's. The keel's modulus and the support's
 stiffness are always among them, fitted or not: foam that was fitted on one keel is wrong on another. `curves` are added
-over the gait cycle; height and path belong to one recording alone (`motion.fitted_trial`). SI units and radians.
+over the gait cycle; what `trials` hold belongs to one recording alone (`motion.fitted_trial`). SI units and radians.
 `momentum` and `discrepancy`, which a file need not have, are what the plates of the fitted recordings, told by their
 fingerprints, teach a prediction beyond the physics (`analysis.prediction`).
 """
@@ -56,7 +57,7 @@ _UNITS = {
     r"contact\..+\.(full_damping_depth|rise)": "m", r"friction\.mu_(static|kinetic)": "1",
     r"friction\.threshold_velocity": "m/s", r"keel\.flexural_modulus": "Pa", r"fulcrum\.stiffness": "N/m",
     r"socket\.(tx|ty|tz)\.stiffness": "N/m", r"socket\.(flexion|adduction|rotation)\.stiffness": "N m/rad",
-    r"offset\.(height|fore_aft)": "m", r"offset\.alignment": "rad",
+    r"offset\.(height|fore_aft)": "m", r"offset\.(alignment|inversion|toe_out)": "rad",
     r"coordinate\..+_t[xyz]": "m", r"coordinate\..+": "rad",
 }
 """By pattern of the variable's name; the first that fits."""
@@ -77,13 +78,14 @@ class FittedTrial:
 
     `height_m` is added to the height offset: + moves the foot up against the limb, as `offset.height`. `path` has, by
     translation of the pelvis (OpenSim's axes), the coefficients (m) of `motion.trajectory.window_bsplines` over the
-    recording's window that are added to the recorded coordinate.
+    recording's window that are added to the recorded coordinate; `curves` the same (rad) by joint angle.
     """
 
     name: str
     fingerprint: str  # of the recording, see `motion.fitted_trial.fingerprint`
     height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted")
     path: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    curves: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,11 +193,13 @@ def check_contact(contact: FittedContact, *, file: str | Path | None = None) -> 
     for where, name, those in (
             *((where, where.removeprefix(prefix), known) for where in values if where.startswith(prefix)),
             *((f"curves[{i}].coordinate", curve.coordinate, known) for i, curve in enumerate(contact.curves)),
-            *((f"trials[{i}].path", name, PATHS) for i, trial in enumerate(contact.trials) for name in trial.path)):
+            *((f"trials[{i}].path", name, PATHS) for i, trial in enumerate(contact.trials) for name in trial.path),
+            *((f"trials[{i}].curves", name, known) for i, trial in enumerate(contact.trials) for name in trial.curves)):
         require(name in those, f"{name!r} is no coordinate that can be corrected", where,
                 f"There are: {', '.join(those)}")
     splines = {f"curves[{i}].coefficients": curve.coefficients for i, curve in enumerate(contact.curves)} | {
-        f"trials[{i}].path.{name}": path for i, trial in enumerate(contact.trials) for name, path in trial.path.items()}
+        f"trials[{i}].{kind}.{name}": spline for i, trial in enumerate(contact.trials)
+        for kind in ("path", "curves") for name, spline in getattr(trial, kind).items()}
     for where, spline in splines.items():
         require(len(spline) >= FEWEST_COEFFICIENTS, f"{len(spline)} coefficients make no cubic spline", where,
                 f"At least {FEWEST_COEFFICIENTS} are needed")
@@ -254,7 +258,7 @@ def variable_unit(name: str, *, file: str | Path | None = None, where: str | Non
         f"there is no {name!r} in a fitted contact", file=file, where=where,
         right="There are contact.ZONE.stiffness | exponent | damping | full_damping_depth | rise, friction.mu_static | "
               "mu_kinetic | threshold_velocity, keel.flexural_modulus, fulcrum.stiffness, socket.AXIS.stiffness, "
-              "offset.height | fore_aft | alignment, coordinate.NAME")
+              "offset.height | fore_aft | alignment | inversion | toe_out, coordinate.NAME")
 
 
 class _ContactDumper(Dumper):
@@ -284,6 +288,8 @@ def _commented(section: str, line: str) -> str:
              "curves": {"coefficients": "rad (m for a translation)"}, "momentum": forces,
              "discrepancy": {"fulcrum_m": "m", **forces}}
     unit = variable_unit(key) if section == "values" and colon else units.get(section, {}).get(key)
+    if section == "trials" and number.startswith("[") and key not in PATHS:
+        unit = "rad"
     return f"{line.rstrip()}  # {unit}\n" if unit and number else line
 
 

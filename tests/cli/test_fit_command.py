@@ -42,7 +42,7 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     assert all(f"{100 * metrics[key]:.1f}" in row.split() for key in ("grf_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl"))
     assert f"FL: length of the model's prosthetic foot, {1e3 * metrics['foot_length_m']:.0f} mm" in said
     assert "offset.height" in said and "Smooth errors of joint angles" in said
-    assert "curve.hip_flexion_r.0 " not in said and "friction.mu_static" not in said
+    assert "curve.hip_flexion_r.0 " not in said and "socket.flexion.stiffness" not in said
 
 
 def test_measured_curves_bring_stiffness_and_displacement_into_fit_page_and_screen(quick_fit):
@@ -162,16 +162,16 @@ def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(run, quick_fit, 
 
 
 def test_freed_and_frozen_parameters_are_those_that_were_named(run, tmp_path, bare):
-    words = ("--free", "friction.mu_kinetic", "--freeze", "curve.*", "--freeze", "contact.*", "--free",
+    words = ("--free", "socket.ty.stiffness", "--freeze", "friction.*", "--freeze", "curve.*", "--freeze", "contact.*", "--free",
              "contact.forefoot.*", "--damping-by-zone", "--paths", "--resultant")
     assert run("fit", TRIAL, "--out", tmp_path / "fit", "--quick", *words)[0] == 0
     table = read_json(tmp_path / "fit" / "fit.json")
     free = {row["name"] for row in table["parameters"] if not row["frozen"]}
-    assert "friction.mu_kinetic" in free and "friction.mu_static" not in free
+    assert "socket.ty.stiffness" in free and "friction.mu_static" not in free
     assert {name for name in free if name.startswith(("curve.", "contact."))} == {
         f"contact.forefoot.{name}" for name in ("force", "exponent", "rise", "full_damping_depth", "damping_time")}
     assert "trial.medium_1.path.pelvis_tx.0" in free
-    assert table["options"]["series"] == ["resultant", "cop_fore_aft"]
+    assert table["options"]["series"] == ["resultant", "cop_fore_aft", "cop_lateral"]
     start = {row["name"]: row for row in table["parameters"]}["contact.heel.force"]
     assert start["value"] == start["start"] and start["interval_95"] is None
 

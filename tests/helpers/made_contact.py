@@ -24,12 +24,14 @@ OF_THE_MODEL = {
     "friction.mu_kinetic": 0.4, "friction.threshold_velocity": 0.08, "keel.flexural_modulus": 17.7e9,
     "fulcrum.stiffness": 150e3, "socket.tz.stiffness": 8.3e4, "socket.flexion.stiffness": 1130.0}
 """One value of each kind that a model holds."""
-OF_THE_TRIAL = {"offset.height": 1e-3, "offset.fore_aft": -2e-3, "offset.alignment": 0.01,
+OF_THE_TRIAL = {"offset.height": 1e-3, "offset.fore_aft": -2e-3, "offset.alignment": 0.01, "offset.inversion": -0.05,
+                "offset.toe_out": 0.02,
                 "coordinate.hip_flexion_r": 0.012, "coordinate.pelvis_ty": -5e-4}
 CURVE = JointCurve(coordinate="knee_angle_r", coefficients=(0.0, 0.01, -0.012, 0.004, 0.0, 1 / 300))
 FINGERPRINT = "0123456789abcdef" * 4
 OWN = FittedTrial(name="low 1", fingerprint=FINGERPRINT, height_m=5e-4,
-                  path={"pelvis_tx": (0.0, 1e-3, 2e-3, -1e-3, 0.0), "pelvis_tz": (0.0, 1e-4, 0.0, 1e-4)})
+                  path={"pelvis_tx": (0.0, 1e-3, 2e-3, -1e-3, 0.0), "pelvis_tz": (0.0, 1e-4, 0.0, 1e-4)},
+                  curves={"hip_flexion_r": (0.0, 0.01, -0.01, 1 / 300)})
 
 MOMENTUM = MomentumBias(fore_aft_bw=(-0.01, 0.02, 1 / 30), vertical_bw=(0.0, 0.01, -0.02), trials=(FINGERPRINT,))
 DISCREPANCY = Discrepancy(shared=(0.0, 0.1, 1 / 3), own=(0.6, 0.5, 0.4), curves=(DiscrepancyCurve(

@@ -41,7 +41,8 @@ def added(fitted, trial, name):
 def test_model_offsets_and_angles_are_those_of_the_fit(trial):
     fitted = trial_with(trial, contact_for())
     assert fitted.model == model_with(trial.model, OF_THE_MODEL)
-    expected = GeometricOffsets(height_m=4e-3, fore_aft_m=-2e-3, alignment_rad=np.radians(2.0) + 0.01)
+    expected = GeometricOffsets(height_m=4e-3, fore_aft_m=-2e-3, alignment_rad=np.radians(2.0) + 0.01,
+                                inversion_rad=-0.05, toe_out_rad=0.02)
     assert vars(fitted.offsets) == pytest.approx(vars(expected))
     np.testing.assert_allclose(added(fitted, trial, "hip_flexion_r"), 0.012, atol=1e-15)
     np.testing.assert_allclose(added(fitted, trial, "pelvis_ty"), -5e-4, atol=1e-15)
@@ -58,6 +59,9 @@ def test_height_and_path_go_to_the_recording_that_they_were_fitted_to_and_to_no_
     assert fitted.offsets.height_m == pytest.approx(4.5e-3)
     basis = window_bsplines(trial.start_s, trial.end_s, 5)(trial.trajectory.time_s)
     np.testing.assert_allclose(added(fitted, trial, "pelvis_tx"), basis @ np.array(OWN.path["pelvis_tx"]), atol=1e-15)
+    slow = window_bsplines(trial.start_s, trial.end_s, 4)(trial.trajectory.time_s)
+    np.testing.assert_allclose(added(fitted, trial, "hip_flexion_r"),
+                               0.012 + slow @ np.array(OWN.curves["hip_flexion_r"]), atol=1e-15)
     assert added(fitted, trial, "pelvis_tz").any()
     assert fitted.notes[-1].endswith("with the height that was fitted to this trial and its path.")
     other = replace(trial, end_s=trial.end_s - 0.05)

@@ -92,14 +92,24 @@ ALL = FootPlacement(fore_aft=0.012, lateral=0.007, alignment=0.11, inversion=0.0
 
 @SIDES
 def test_a_trials_offsets_act_within_the_place_whatever_it_is(mirrored):
-    """Height, fore-aft and alignment of a manifest mean the same foot-fixed change on any subject."""
-    parameters, offsets = FootParameters(), {"height": 0.004, "fore_aft": -0.006, "alignment": 0.03}
+    """Offsets of a manifest mean the same foot-fixed change on any subject."""
+    parameters = FootParameters()
+    offsets = {"height": 0.004, "fore_aft": -0.006, "alignment": 0.03, "inversion": 0.05, "toe_out": -0.04}
     plant = MultibodyPlant(0.0)
     place = plant.AddFrame(FixedOffsetFrame("place", plant.world_frame(), ALL.pose(mirrored=mirrored)))
-    handles = add_foot(plant, place, parameters)
+    handles = add_foot(plant, place, parameters, side="left" if mirrored else "right")
     plant.Finalize()
     context = plant.CreateDefaultContext()
     set_mount(context, handles, **offsets)
     seen = ALL.pose(mirrored=mirrored).inverse() @ handles.frame.EvalPoseInWorld(context)
-    expected = mount_pose(parameters, **offsets).inverse()
+    expected = mount_pose(parameters, **offsets, mirrored=mirrored).inverse()
     np.testing.assert_allclose(seen.GetAsMatrix34(), expected.GetAsMatrix34(), atol=1e-15)
+
+
+@SIDES
+def test_offsets_of_a_trial_turn_the_foot_as_the_place_of_a_subject_does(mirrored):
+    """Alignment, inversion and toe-out about the mount have one order and one sign wherever they are told."""
+    turns = {"alignment": 0.11, "inversion": 0.06, "toe_out": 0.15}
+    offset = mount_pose(FootParameters(), **turns, mirrored=mirrored).inverse().rotation().matrix()
+    placed = FootPlacement(**turns).pose(mirrored=mirrored).rotation().matrix()
+    np.testing.assert_allclose(offset, placed, atol=1e-15)

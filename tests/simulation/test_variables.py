@@ -89,11 +89,12 @@ def test_variable_is_that_number_of_a_foot_built_with_it(person, motion, name, v
 
 
 def test_offsets_are_those_of_a_manifest_and_add_to_them(person, motion):
-    values = {"offset.height": 0.003, "offset.fore_aft": -0.004, "offset.alignment": 0.02}
+    values = {"offset.height": 0.003, "offset.fore_aft": -0.004, "offset.alignment": 0.02, "offset.inversion": 0.05,
+              "offset.toe_out": -0.04}
     both = walked(person, motion, values=values, offsets=GeometricOffsets(
-        height_m=0.001, fore_aft_m=0.002, alignment_rad=0.003))
+        height_m=0.001, fore_aft_m=0.002, alignment_rad=0.003, inversion_rad=0.01, toe_out_rad=0.02))
     assert_same_walk(both, walked(person, motion, offsets=GeometricOffsets(
-        height_m=0.004, fore_aft_m=-0.002, alignment_rad=0.023)), 1e-9)
+        height_m=0.004, fore_aft_m=-0.002, alignment_rad=0.023, inversion_rad=0.06, toe_out_rad=-0.02)), 1e-9)
 
 
 def test_coordinate_is_a_shift_of_the_whole_recorded_curve(person, motion):

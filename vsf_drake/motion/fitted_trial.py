@@ -31,7 +31,7 @@ _GRAIN, _GRAIN_N = 1e-6, 1e-3  # s, m, rad; and N: numbers that differ by less a
 def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None = None) -> Trial:
     """`trial` as the fit sees it: its model with the fitted values, its offsets and coordinates with what they add.
 
-    The height and the path that were fitted to a recording are taken only for that recording, told by its
+    Height, path and curves that were fitted to a recording alone are taken only for that recording, told by its
     `fingerprint`. A note says what was applied; the hash of `file` joins the trial's inputs. Refused for another person
     or side, a model that lacks a zone, or a trial that has a fitted contact already."""
     check_person(trial.subject, contact, file=file)
@@ -39,9 +39,8 @@ def trial_with(trial: Trial, contact: FittedContact, *, file: str | Path | None 
         raise InputError("the trial has a fitted contact already", file=file, where=trial.name)
     recorded = fingerprint(trial)
     here = next((fitted for fitted in contact.trials if fitted.fingerprint == recorded), None)
-    added = {"height_m": "offset.height", "fore_aft_m": "offset.fore_aft", "alignment_rad": "offset.alignment"}
-    offsets = {key: getattr(trial.offsets, key) + contact.values.get(name, 0.0)
-               + (here.height_m if here and key == "height_m" else 0.0) for key, name in added.items()}
+    offsets = {key: value + contact.values.get(f"offset.{key.rsplit('_', 1)[0]}", 0.0)
+               + (here.height_m if here and key == "height_m" else 0.0) for key, value in vars(trial.offsets).items()}
     notes = say("trial", "contact", applied=APPLIED, file=file and Path(file).name, strategy=contact.strategy,
                 values=len(contact.values), curves=[curve.coordinate for curve in contact.curves],
                 own=here is not None, path=here and here.path, converged=contact.converged)
@@ -97,7 +96,7 @@ def _trajectory(trial: Trial, contact: FittedContact, own: FittedTrial | None) -
         added += [(curve.coordinate, periodic_bsplines(len(curve.coefficients))(phase) @ np.array(curve.coefficients))
                   for curve in contact.curves]
     added += [(name, window_bsplines(trial.start_s, trial.end_s, len(coefficients))(time) @ np.array(coefficients))
-              for name, coefficients in (own.path if own else {}).items()]
+              for name, coefficients in (own.path | own.curves if own else {}).items()]
     if not added:
         return motion
     motion.ordered(list(dict(added)))  # names what is missing

@@ -64,18 +64,23 @@ class ManifestOffsets:
     height_mm: float = quantity(0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")
     fore_aft_mm: float = quantity(0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")
     alignment_deg: float = quantity(0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
+    inversion_deg: float = quantity(0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
+    toe_out_deg: float = quantity(0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
 
 
 @dataclass(frozen=True, kw_only=True)
 class GeometricOffsets:
     """How the prosthetic foot sits under its pylon, which no recording tells to the millimetre.
 
-    + moves the foot up against the residual limb (a shorter prosthesis), moves it forward, turns its toe up.
+    + moves the foot up against the residual limb (a shorter prosthesis), moves it forward, turns its toe up, its sole
+    towards the midline (inversion), its toe away from it; about the mount, in this order (`plants.foot.mount_pose`).
     """
 
     height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
     fore_aft_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
     alignment_rad: float = quantity(0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured")
+    inversion_rad: float = quantity(0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured")
+    toe_out_rad: float = quantity(0.0, unit="rad", low=-0.53, high=0.53, source="fitted or measured")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +175,14 @@ def named_file(manifest_path: Path, key: str, value: str) -> Path:
 def to_si(offsets: ManifestOffsets) -> GeometricOffsets:
     """The same offsets in metres and radians."""
     return GeometricOffsets(height_m=1e-3 * offsets.height_mm, fore_aft_m=1e-3 * offsets.fore_aft_mm,
-                            alignment_rad=math.radians(offsets.alignment_deg))
+                            alignment_rad=math.radians(offsets.alignment_deg),
+                            inversion_rad=math.radians(offsets.inversion_deg),
+                            toe_out_rad=math.radians(offsets.toe_out_deg))
+
+
+def mount_of(offsets: GeometricOffsets) -> dict[str, float]:
+    """The keywords of `plants.foot.set_mount`."""
+    return {name.rsplit("_", 1)[0]: value for name, value in vars(offsets).items()}
 
 
 @dataclass(frozen=True, kw_only=True)

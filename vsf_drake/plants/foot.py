@@ -55,21 +55,29 @@ def sole_height(foot: FootParameters) -> float:
 
 
 def mount_pose(
-    foot: FootParameters, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0
+    foot: FootParameters, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0,
+    inversion: float = 0.0, toe_out: float = 0.0, mirrored: bool = False
 ) -> RigidTransform:
     """X_KM, pose of the mount M in K, of a foot that is raised against the pylon by `height` (m), which shortens the
-    prosthesis, shifted forward under it by `fore_aft` (m) and turned toes-up by `alignment` (rad)."""
+    prosthesis, shifted forward under it by `fore_aft` (m) and turned (rad) toes-up by `alignment`, then into
+    `inversion`, then outward by `toe_out`, in the order of `anthropometry.FootPlacement`; `mirrored` on the left."""
     p_KM = np.array([foot.pylon_x_m - fore_aft, 0.0, foot.build_height_m + sole_height(foot) - height])
-    return RigidTransform(RotationMatrix.MakeYRotation(alignment), p_KM)
+    right = -1.0 if mirrored else 1.0
+    R_KM = (RotationMatrix.MakeZRotation(right * toe_out) @ RotationMatrix.MakeXRotation(-right * inversion)
+            @ RotationMatrix.MakeYRotation(alignment))
+    return RigidTransform(R_KM, p_KM)
 
 
 def set_mount(
-    context: Context, handles: FootHandles, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0
+    context: Context, handles: FootHandles, *, height: float = 0.0, fore_aft: float = 0.0, alignment: float = 0.0,
+    inversion: float = 0.0, toe_out: float = 0.0
 ) -> None:
-    """Changes position and angle of the foot under its pylon in the plant's `context`; see `mount_pose`."""
+    """Changes position and angles of the foot under its pylon in the plant's `context`; see `mount_pose`. A foot whose
+    side nobody said turns as a right one."""
     plant: MultibodyPlant = handles.frame.GetParentPlant()  # type: ignore[no-untyped-call]  # the stub has no types
     check_context(plant, context)
-    pose = mount_pose(handles.parameters, height=height, fore_aft=fore_aft, alignment=alignment)
+    pose = mount_pose(handles.parameters, height=height, fore_aft=fore_aft, alignment=alignment, inversion=inversion,
+                      toe_out=toe_out, mirrored=handles.side == "left")
     handles.mount.SetPoseInParentFrame(context, pose)
 
 

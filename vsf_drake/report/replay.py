@@ -17,7 +17,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
 from vsf_drake.model_file import check_model
 from vsf_drake.motion.formats.recording import PlateRecording
-from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
@@ -108,8 +108,7 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
         meshcat.SetObject(path, inspector.GetShape(geometry), colour)
         meshcat.SetTransform(path, inspector.GetPoseInFrame(geometry))
     context = plant.CreateDefaultContext()
-    set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
-              alignment=offsets.alignment_rad)
+    set_mount(context, person.foot, **mount_of(offsets))
     animation = MeshcatAnimation(frames.rate_hz)
     for i, q in enumerate(frames.q):
         plant.SetPositions(context, q[order])

@@ -6,7 +6,7 @@
     fulcrum.stiffness           of the support
     fulcrum.shift               of the support along the keel, added to its position
     socket.AXIS.stiffness       of a bushing axis; both signs, in their ratio
-    offset.height | fore_aft | alignment    as in a manifest, added to the walk's own offsets
+    offset.height | fore_aft | alignment | inversion | toe_out    as in a manifest, added to the walk's own offsets
     coordinate.NAME             constant added to a prescribed coordinate
     perturbation.NAME           the same times a function of time (`MotionPerturbation`), of a walk that is given one
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from vsf_drake.plants.gait import GaitDiagram
     from vsf_drake.simulation.stepping.stepper import Mechanism
 
-OFFSETS = ("height", "fore_aft", "alignment")
+OFFSETS = ("height", "fore_aft", "alignment", "inversion", "toe_out")
 SOCKET_AXES = ("tx", "ty", "tz", "flexion", "adduction", "rotation")
 _SITE = {name: i for i, name in enumerate(SITE_COLUMNS)} | {"rise": SITE_COLUMNS.index("p_BS_z")}
 """Column of a site's row; a rise moves the sphere's centre up."""
@@ -123,10 +123,12 @@ def gait_variables(gait: GaitDiagram, mechanism: Mechanism) -> dict[str, Variabl
         variables.append(scaled(f"socket.{axis}.stiffness", "N/m" if row < len(springs) - 3 else "N m/rad", k,
                                 ParameterTangent(springs=rate)))
     # For searches, and the largest that a manifest takes (`motion.manifest.GeometricOffsets`).
-    bounds = (0.03, 0.2), (0.06, 0.2), (math.radians(15.0), 0.53)
+    turn = math.radians(15.0), 0.53
+    bounds = (0.03, 0.2), (0.06, 0.2), turn, turn, turn
     for i, (name, (bound, most)) in enumerate(zip(OFFSETS, bounds, strict=True)):
-        variables.append(Variable(f"offset.{name}", "rad" if name == "alignment" else "m", 0.0, -bound, bound, -most,
-                                  ParameterTangent(mount=np.eye(3)[i]), most, added=True))
+        by = ParameterTangent(mount=np.eye(len(OFFSETS))[i], mirrored=gait.person.foot.side == "left")
+        variables.append(Variable(f"offset.{name}", "rad" if i > 1 else "m", 0.0, -bound, bound, -most, by, most,
+                                  added=True))
     variables += [_shift(f"coordinate.{name}", name) for name in gait.prescribed]
     return {variable.name: variable for variable in variables}
 
@@ -250,9 +252,9 @@ def shown(value: Any) -> str:
 def added(
     variables: Mapping[str, Variable], values: Mapping[str, float], prescribed: Sequence[str], count: int = 1
 ) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
-    """What `values` add outside the mechanism: (3,) to the mount, m to the fulcrum, to the prescribed coordinates (p,)
+    """What `values` add outside the mechanism: (5,) to the mount, m to the fulcrum, to the prescribed coordinates (p,)
     and by perturbations (count, p) at the moments of the walk (m, rad), and (p,) to their rates at the first one."""
-    mount, slide = np.zeros(3), 0.0
+    mount, slide = np.zeros(len(OFFSETS)), 0.0
     shift, perturbation, rate = np.zeros(len(prescribed)), np.zeros((count, len(prescribed))), np.zeros(len(prescribed))
     for name, value in values.items():
         by_unit = variables[name].by_unit

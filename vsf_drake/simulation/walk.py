@@ -13,7 +13,7 @@ import numpy as np
 
 from vsf_drake.errors import InputError
 from vsf_drake.model_file import FOAM_LOADS_N, check_fulcrum, check_model, foam_under_load, secant_stiffness
-from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY, ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
@@ -29,6 +29,7 @@ from vsf_drake.simulation.stepping.directions import ParameterTangent
 from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, rest_sensitivity
 from vsf_drake.simulation.stepping.stepper import Inputs, Mechanism, Record, Stepper
 from vsf_drake.simulation.variables import (
+    OFFSETS,
     MotionPerturbation,
     added,
     check_names,
@@ -114,9 +115,9 @@ class Walker:
         for position in (fulcrum.min(), fulcrum.max()):
             check_fulcrum(float(position), self.model.foot)
         with self._reading:
+            own = mount_of(offsets)
             set_mount(self.gait.plant_context(self.context), self.gait.person.foot,
-                      height=offsets.height_m + geometry[0], fore_aft=offsets.fore_aft_m + geometry[1],
-                      alignment=offsets.alignment_rad + geometry[2])
+                      **{name: own[name] + more for name, more in zip(OFFSETS, geometry, strict=True)})
             mechanism = edited(gait_mechanism(self.gait, self.context), variables, values)
         trajectory.sample(moments[[0, -1]])  # a window outside the recording is told as that
         _check_memory(moments, bytes_a_step(mechanism, by=len(tangents), loads=with_loads), len(trajectory.time_s))

@@ -25,7 +25,7 @@ from scipy.optimize import root
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.ground import Ground
 from vsf_drake.model_file import check_fulcrum, check_model
-from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount
@@ -101,8 +101,7 @@ def walk_over(
     for extreme in (commanded.min(), commanded.max()):
         check_fulcrum(float(extreme), model.foot)
     motion, fulcrum, diagram, context = driven(gait, trajectory, fulcrum_m, start_s, end_s)
-    set_mount(gait.plant_context(context), gait.person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
-              alignment=offsets.alignment_rad)
+    set_mount(gait.plant_context(context), gait.person.foot, **mount_of(offsets))
     _start(gait, diagram, context, whole, motion, float(fulcrum.value(start_s)[0, 0]))
     config = SimulatorConfig(
         integration_scheme=integrator, accuracy=accuracy, max_step_size=max_step_s, start_time=start_s)

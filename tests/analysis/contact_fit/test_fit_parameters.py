@@ -11,10 +11,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from vsf_drake.analysis.contact_fit.parameters import (
-    ANGLES,
+    CONSTANT_DEG,
     CURVE_COEFFICIENTS,
-    PATH_COEFFICIENTS,
+    CURVE_DEG,
     REFERENCE_DEPTH_M,
+    SLOW_COEFFICIENTS,
     FitParameter,
     FitParameters,
     TrialMap,
@@ -203,7 +204,7 @@ def test_curves_are_the_periodic_splines_of_the_trials_own_gait_cycle(variables,
     times = np.linspace(soft.start_s, soft.end_s, 300)
     basis = periodic_bsplines(CURVE_COEFFICIENTS)(gait_phase(soft)(times))
     by_name = {perturbation.name: perturbation for perturbation in walk.perturbations}
-    for angle in ANGLES:
+    for angle in CURVE_DEG:
         family = [by_name[f"curve.{angle}_r.{i}"] for i in range(CURVE_COEFFICIENTS)]
         assert {perturbation.coordinate for perturbation in family} == {f"{angle}_r"}
         np.testing.assert_allclose(np.stack([perturbation.shape(times) for perturbation in family], axis=1), basis,
@@ -211,27 +212,38 @@ def test_curves_are_the_periodic_splines_of_the_trials_own_gait_cycle(variables,
         np.testing.assert_allclose(sum(perturbation.shape(times) for perturbation in family), 1.0)
 
 
-def test_paths_are_of_the_labelled_trial_alone(variables, soft):
+def test_paths_and_slow_curves_are_of_the_labelled_trial_alone(variables, soft):
     parameters = everything(variables)
     u = somewhere(parameters, seed=2)
     values, times = parameters.values(u), np.linspace(soft.start_s, soft.end_s, 50)
     walk = TrialMap(parameters, variables, "stiff", soft)
     at = walk.at(u).values
-    paths = [perturbation for perturbation in walk.perturbations if perturbation.name.startswith("path.")]
-    assert sorted({perturbation.coordinate for perturbation in paths}) == ["pelvis_tx", "pelvis_tz"]
-    basis = window_bsplines(soft.start_s, soft.end_s, PATH_COEFFICIENTS)(times)
+    slow = ("path.", "slow.")
+    paths = [perturbation for perturbation in walk.perturbations if perturbation.name.startswith(slow)]
+    assert sorted({perturbation.coordinate for perturbation in paths}) == [
+        "hip_flexion_r", "knee_angle_r", "pelvis_tx", "pelvis_tz"]
+    basis = window_bsplines(soft.start_s, soft.end_s, SLOW_COEFFICIENTS)(times)
     for perturbation in paths:
-        _, coordinate, i = perturbation.name.split(".")
-        assert at[f"perturbation.{perturbation.name}"] == values[f"trial.stiff.path.{coordinate}.{i}"]
+        kind, coordinate, i = perturbation.name.split(".")
+        own = f"trial.stiff.{'path' if kind == 'path' else 'curve'}.{coordinate}.{i}"
+        assert at[f"perturbation.{perturbation.name}"] == values[own]
         np.testing.assert_allclose(perturbation.shape(times), basis[:, int(i)], atol=1e-12)
-    assert not [c for c in TrialMap(parameters, variables, None, soft).perturbations if c.name.startswith("path.")]
+    assert not [c for c in TrialMap(parameters, variables, None, soft).perturbations if c.name.startswith(slow)]
     assert TrialMap(parameters, variables, None, None).perturbations == ()
+
+
+def test_kinetic_friction_is_a_share_of_static_friction(variables):
+    parameters = everything(variables)
+    values = parameters.values(parameters.start) | {"friction.mu_static": 0.3, "friction.kinetic_share": 0.9}
+    walk = TrialMap(parameters, variables, None, None).at(parameters.u(values)).values
+    assert walk["friction.mu_static"] == pytest.approx(0.3) and walk["friction.mu_kinetic"] == pytest.approx(0.27)
+    assert parameters.by_name["friction.kinetic_share"].high == 1.0, "it never exceeds static friction"
 
 
 def test_names_go_by_side_and_label(variables, soft):
     names = standard_parameters(variables, "left", ["soft"]).by_name
     angles = {name.split(".")[1] for name in names if name.startswith(("coordinate.", "curve."))}
-    assert angles == {f"{angle}_l" for angle in ANGLES}
+    assert angles == {f"{angle}_l" for angle in CONSTANT_DEG}
     assert not [name for name in names if "trial" in name], "one trial has no height of its own"
     parameters = standard_parameters(variables, "right", ["walk", "walk.2"], paths=True)
     perturbations = TrialMap(parameters, variables, "walk", soft).perturbations
@@ -243,7 +255,8 @@ HEEL = ("contact.heel.force", "contact.heel.exponent")
 
 @pytest.mark.parametrize(("names", "match"), [
     (["offset.hight"], "offset.hight is no parameter of a contact fit"), (["contact.toe.force"], "is no parameter"),
-    (["contact.damping_time"], "has no law"), (HEEL, "law of contact.heel is told by half"),
+    (["contact.damping_time"], "has no law"), (["friction.kinetic_share"], "is a share of friction.mu_static"),
+    (HEEL, "law of contact.heel is told by half"),
     ((*HEEL, "contact.damping_time", "contact.heel.stiffness"), "set the same"),
     (["trial.soft.path.pelvis_tx.99"], "beyond the 6 coefficients"),
     (["curve.knee_angle_r.x"], "not 0, 1, 2"), ([f"curve.knee_angle_r.{i}" for i in (0, 1, 2, 4)], "not 0, 1, 2"),

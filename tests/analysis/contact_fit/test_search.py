@@ -16,12 +16,13 @@ from scipy.stats import norm
 from vsf_drake.analysis.contact_fit import ContactFit, solve
 from vsf_drake.analysis.contact_fit.options import SOLVERS
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
+from vsf_drake.analysis.contact_fit.problem import FitEvaluation
 from vsf_drake.analysis.contact_fit.solve import prior_samples, run_searches, search
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.manifest import GeometricOffsets
 
 FREE = ("contact.forefoot.force", "offset.height", "offset.alignment")
-MOST = {"gauss_newton": 20, "snopt": 40, "ipopt": 60, "nlopt": 60}
+MOST = {"gauss_newton": 25, "snopt": 40, "ipopt": 60, "nlopt": 60}
 """Walks of a search; it took 9, 20, 30 and, with 20 of them for its global part, 24 when this was written."""
 
 
@@ -37,12 +38,12 @@ def failing(fit, monkeypatch, where):
     """The fit with a walk that breaks where `where(u, i)` says so of the i-th point."""
     evaluate, seen = fit.evaluate, []
 
-    def broken(u, *, derivatives=True):
+    def broken(u, **how):
         if u.tolist() not in seen:
             seen.append(u.tolist())
         if where(u, seen.index(u.tolist())):
             raise SimulationError("broke", time_s=0.3)
-        return evaluate(u, derivatives=derivatives)
+        return evaluate(u, **how)
 
     monkeypatch.setattr(fit, "evaluate", broken)
     return fit
@@ -70,9 +71,9 @@ def test_every_solver_finds_the_same_minimum_in_few_walks(fit, minimum, solver):
     at = problem.evaluate(found.u)
     assert at.cost == pytest.approx(found.cost, rel=1e-12)
     gradient, curvature = at.jacobian.T @ at.residual, at.jacobian.T @ at.jacobian
-    assert 0.5 * gradient @ np.linalg.solve(curvature, gradient) < 1e-3, "what a last step would gain"
-    minimum.setdefault("cost", found.cost), minimum.setdefault("u", found.u)
     # Beside the minimum the cost jumps by 0.007 in steps of 2 ms: a search may end on either side.
+    assert 0.5 * gradient @ np.linalg.solve(curvature, gradient) < 7e-3, "what a last step would gain"
+    minimum.setdefault("cost", found.cost), minimum.setdefault("u", found.u)
     assert found.cost == pytest.approx(minimum["cost"], abs=0.01)
     np.testing.assert_allclose(found.u, minimum["u"], atol=0.02)
 
@@ -86,12 +87,55 @@ def test_a_walk_that_fails_on_the_way_is_survived(fit, monkeypatch, minimum, sol
         assert found.cost == pytest.approx(minimum["cost"], abs=0.01)
 
 
-def test_a_walk_that_fails_beside_a_start_on_a_bound_ends_the_search_there(fit, monkeypatch):
-    """Trust regions begin within the bounds, at another point than the start."""
+def test_a_walk_that_fails_beside_a_start_on_a_bound_is_survived(fit, monkeypatch, minimum):
     problem = failing(fit(), monkeypatch, lambda _, i: i == 1)
     found = search(problem, problem.parameters.bounds[0])
-    assert not found.success and "fails beside where the search starts" in found.message
-    np.testing.assert_array_equal(found.u, found.start)
+    assert found.success and found.failed == 1, found.message
+    if minimum:
+        assert found.cost == pytest.approx(minimum["cost"], abs=0.01)
+
+
+def test_more_noise_and_coarser_steps_come_first_and_the_end_is_without(fit, monkeypatch):
+    problem, seen = fit(), []
+    evaluate = problem.evaluate
+    monkeypatch.setattr(problem, "evaluate", lambda u, **how: (
+        seen.append((how.get("noise", 1.0), how.get("step_s"))), evaluate(u, **how))[1])
+    assert search(problem, problem.parameters.start).success
+    assert [*dict.fromkeys(seen)] == [(1.0, None), (30.0, 4e-3), (10.0, 4e-3), (3.0, 4e-3)] and seen[-1] == (1.0, None)
+    seen.clear()
+    search(problem, problem.parameters.start, near=True)
+    assert set(seen) == {(1.0, None)}, "near a minimum there is nothing to go round"
+
+
+def test_noise_makes_data_weigh_less_and_the_prior_not(fit):
+    problem = fit()
+    u = np.array([0.3, -0.2, 0.1])
+    plain, noisy = problem.evaluate(u).cost, problem.evaluate(u, noise=2.0).cost
+    prior = 0.5 * u @ u
+    assert noisy - prior == pytest.approx((plain - prior) / 4.0)
+
+
+def test_a_kink_is_a_minimum_and_a_search_says_so(fit, monkeypatch):
+    """|x| / 2 + x² / 2 with a slope of 5 either way: any linear model promises much, and nothing is to be had."""
+    problem = fit()
+    names = len(problem.parameters)
+
+    def kinked(u, **how):
+        x = u - 0.3
+        residual = np.concatenate([5.0 + np.abs(x), u - u])
+        by = np.vstack([np.diag(np.sign(x)), np.zeros((names, names))])
+        return FitEvaluation(residual=residual, jacobian=by, terms=())
+
+    monkeypatch.setattr(problem, "evaluate", kinked)
+    found = search(problem, problem.parameters.start)
+    assert found.success, found.message
+    np.testing.assert_allclose(found.u, 0.3, atol=0.01)
+
+
+def test_the_time_limit_ends_a_fit_where_it_is(fit):
+    problem = fit(starts=3, time_limit_s=1e-6)
+    found, = run_searches(problem)
+    assert not found.success and "time limit" in found.message and np.isfinite(found.cost)
 
 
 @pytest.mark.parametrize("solver", ["gauss_newton", pytest.param("snopt", marks=pytest.mark.slow)])
@@ -120,12 +164,12 @@ def test_ctrl_c_ends_a_fit_in_the_midst_of_any_solver(fit, monkeypatch, solver):
     problem, count = fit(solver=solver, starts=1, iterations=20), 0
     evaluate = problem.evaluate
 
-    def pressed_at_the_third(u, *, derivatives=True):
+    def pressed_at_the_third(u, **how):
         nonlocal count
         count += 1
         if count == 3:
             raise KeyboardInterrupt
-        return evaluate(u, derivatives=derivatives)
+        return evaluate(u, **how)
 
     monkeypatch.setattr(problem, "evaluate", pressed_at_the_third)
     with pytest.raises(KeyboardInterrupt):
@@ -255,7 +299,7 @@ def test_progress_tells_search_lowest_cost_and_the_share_by_the_time_of_those_th
     assert shares == sorted(shares) and 0.0 < shares[0] and shares[-1] < 1 / 3
     clock, told = SimpleNamespace(now=0.0), []
 
-    def ten_seconds_long(_fit, start, progress):
+    def ten_seconds_long(_fit, start, progress, **_):
         for i in range(1, 6):
             clock.now += 2.0
             progress(i, 1.0)

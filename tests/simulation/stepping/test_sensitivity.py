@@ -26,7 +26,8 @@ from vsf_drake.simulation.walk import Walker
 END_S, STRIKE_S, MID_STANCE_S = 0.94, 0.1, 0.4
 GRID = np.array([0.0, 0.5, 1.0])
 COORDINATES = ("pelvis_tx", "pelvis_ty", "hip_flexion_{}", "knee_angle_{}")
-VALUES = {"offset.height": 2e-3, "offset.fore_aft": 4e-3, "offset.alignment": 0.02, "contact.forefoot.rise": 1e-3,
+VALUES = {"offset.height": 2e-3, "offset.fore_aft": 4e-3, "offset.alignment": 0.02,
+          "offset.inversion": -0.06, "offset.toe_out": 0.09, "contact.forefoot.rise": 1e-3,
           "coordinate.pelvis_list": 0.01, "fulcrum.shift": 0.004, "fulcrum.stiffness": 8e4}
 """Away from the defaults, so that nothing is right at zero only."""
 FOOT = FootParameters()

@@ -13,7 +13,7 @@ from vsf_drake.schema import check, choice, quantity
 JOINT, PAPER = "joint", "paper"
 FORCES = ("fore_aft", "lateral", "vertical")
 RESULTANT = "resultant"
-COP = ("cop_fore_aft",)
+COP = ("cop_fore_aft", "cop_lateral")
 SERIES = (*FORCES, RESULTANT, *COP)
 SOLVERS = ("gauss_newton", "snopt", "ipopt", "nlopt")
 _CHOICE, _PAPER = "choice", "McGeehan 2021"
@@ -36,6 +36,7 @@ class FitNoise:
     vertical: float = quantity(0.025, unit="body weights", low=_ABOVE_0, high=1.0, source=_HALF)
     resultant: float = quantity(0.025, unit="body weights", low=_ABOVE_0, high=1.0, source=_HALF)
     cop_fore_aft: float = quantity(0.03, unit="foot lengths", low=_ABOVE_0, high=1.0, source=_HALF)
+    cop_lateral: float = quantity(0.03, unit="foot lengths", low=_ABOVE_0, high=1.0, source=_HALF)
     correlation_s: float = quantity(0.05, unit="s", low=_ABOVE_0, high=1.0, source="choice between 27 ms and a stance")
 
     def weight(self, spacing_s: float) -> float:
@@ -52,19 +53,20 @@ class ContactFitOptions:
     """Options of the joint fit.
 
     Attributes:
-        only_ends: options that an interrupted search may change, since its way does not depend on them.
+        only_ends: options that an interrupted fit may change, since the way of a search does not depend on them.
         series: what is compared; the resultant alone accepts nonsense.
         starts: searches, the first from the parameters' own start, the others from the best of `screened` Latin
             hypercube samples of the prior.
-        solver: "gauss_newton" (bounded trust region, scipy), "snopt" or "ipopt" (Drake, exact gradients), "nlopt"
-            (global: DIRECT and then a local search, Drake).
+        solver: "gauss_newton" (trust region, from much assumed noise to what is assumed), "snopt" or "ipopt" (Drake,
+            exact gradients), "nlopt" (global: DIRECT and then a local search, Drake).
         iterations: most evaluations of a search; for "nlopt" of its global part.
+        time_limit_s: after which the search that runs is ended as it is, and no other begun; None for no limit.
         tolerance: a search has converged when a step betters the cost by less than this part of it.
         step_s: of the walks during the search. report_step_s: of those that are reported.
     """
 
     strategy: ClassVar[str] = JOINT
-    only_ends: ClassVar[tuple[str, ...]] = ()
+    only_ends: ClassVar[tuple[str, ...]] = ("time_limit_s",)
     series: tuple[str, ...] = choice((*FORCES, *COP), options=SERIES, source=_CHOICE)
     noise: FitNoise = field(default_factory=FitNoise)
     starts: int = quantity(5, unit="1", low=1, source=_CHOICE)
@@ -72,6 +74,7 @@ class ContactFitOptions:
     seed: int = quantity(0, unit="1", low=0, source=_CHOICE)
     solver: str = choice("gauss_newton", options=SOLVERS, source=_CHOICE)
     iterations: int = quantity(100, unit="1", low=1, source=_CHOICE)
+    time_limit_s: float | None = quantity(None, unit="s", low=_ABOVE_0, source=_CHOICE)
     tolerance: float = quantity(1e-5, unit="1", low=_ABOVE_0, high=0.01, source=_CHOICE)
     step_s: float = quantity(2e-3, unit="s", low=_ABOVE_0, high=0.01, source=_CHOICE)
     report_step_s: float = quantity(1e-3, unit="s", low=_ABOVE_0, high=0.01, source=_CHOICE)

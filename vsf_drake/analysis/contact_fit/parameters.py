@@ -25,8 +25,9 @@ from vsf_drake.simulation.variables import MotionPerturbation, Variable, check_n
 
 PATH_COORDINATES = ("pelvis_tx", "pelvis_tz")
 DAMPING_TIME, OFFSET_HEIGHT = "contact.damping_time", "offset.height"
-OF_TRIAL = re.compile(rf"trial\.(?P<label>.+)\.(?:(?P<height>height)|path\.(?P<path>(?:{'|'.join(PATH_COORDINATES)})"
-                      r"\.\d+))")
+KINETIC_SHARE, MU_STATIC, MU_KINETIC = "friction.kinetic_share", "friction.mu_static", "friction.mu_kinetic"
+OF_TRIAL = re.compile(rf"trial\.(?P<label>.+)\.(?:(?P<height>height)|(?P<slow>path\.(?:{'|'.join(PATH_COORDINATES)})"
+                      r"\.\d+|curve\.[^.]+\.\d+))")
 _CURVE = re.compile(r"curve\.([^.]+)\.(\d+)")
 _LAW = re.compile(r"contact\.([^.]+)\.(force|exponent|damping_time)")
 
@@ -146,35 +147,54 @@ def owner(name: str) -> str | None:
 #     contact.ZONE.exponent     of its law
 #     contact.damping_time      s, damping of all zones over the slope of their law at REFERENCE_DEPTH
 #     contact.ZONE.rise         m, of the zone's spheres
-#     offset.height | fore_aft | alignment            of the foot under the pylon, in all trials
+#     offset.height | fore_aft | alignment | inversion | toe_out      of the foot under the pylon, in all trials
 #     coordinate.NAME           rad, error of a joint angle that all trials share
 #     curve.NAME.i              rad, smooth error over the gait cycle that all trials share
 #     socket.AXIS.stiffness     of the bushing
 #     trial.LABEL.height        m, of one recording alone; its deviation from the mean of all is what is added
+#     trial.LABEL.curve.NAME.i  rad, slow error of a joint angle in one recording alone
 #     trial.LABEL.path.NAME.i   m, slow correction of the pelvis's path in one recording alone
-#     keel.flexural_modulus, fulcrum.stiffness, friction.NAME, contact.ZONE.full_damping_depth     frozen
+#     friction.mu_static | threshold_velocity, friction.kinetic_share     kinetic over static friction, at most 1
+#     keel.flexural_modulus, fulcrum.stiffness, contact.ZONE.full_damping_depth     frozen
 #
 # A law's stiffness in N/m^exponent and its exponent cannot be told apart by what a foot carries; a force at a depth
-# that it reaches, and the exponent, can. All prior widths are choices, for the reason given with each.
+# that it reaches, and the exponent, can. Prior widths are choices unless a source is given with them.
 
 REFERENCE_DEPTH_M = 9e-3
 """To which the bench's 600 N presses the nominal foot: 600 N / 65 N/mm at the heel, / 59 N/mm at the forefoot."""
-ANGLES = ("hip_flexion", "knee_angle", "hip_adduction")
-"""Joint angles of the prosthetic side whose shared errors are fitted: the two that move the foot in the sagittal plane,
-and the one that moves it sideways."""
+SLOW = ("hip_flexion", "knee_angle")
+"""Joint angles of the prosthetic side whose errors in one trial alone are fitted: those that move the foot in the
+sagittal plane."""
+CONSTANT_DEG = {
+    "hip_flexion": (2.6, "sessions 1.8 (Wilken 2012, pubmed 22041096), skin 1.9 (Fiorentino 2017, "
+                         "doi 10.1016/j.gaitpost.2017.03.033), as squares"),
+    "knee_angle": (2.8, "sessions 1.8 (Wilken 2012), skin 2.1 (Reinschmidt 1997), as squares"),
+    "hip_adduction": (3.25, "between days, largest of the frontal plane (Riazati 2022, doi 10.3389/fnhum.2022.867474)"),
+    "hip_rotation": (7.0, "sessions 4.0 (choice, order of McGinley 2009), skin 5.8 (Fiorentino 2017), as squares")}
+"""Standard deviations of errors of joint angles that all trials share, and where they are from: rows of
+data/published/kinematic_repeatability.csv and soft_tissue_artefact.csv."""
+CURVE_DEG = {"hip_flexion": (1.9, "skin over the thigh (Fiorentino 2017)"),
+             "knee_angle": (2.1, "skin over the shank (Reinschmidt 1997)"),
+             "hip_adduction": (0.6, "skin over the thigh (Fiorentino 2017)")}
+"""Amplitudes of waves over the gait cycle, data/published/soft_tissue_artefact.csv. Coefficients with such a standard
+deviation make a curve that is, in the mean over the cycle, as large as a sine of that amplitude (0.69 of it)."""
+SLOW_DEG = 0.5
+"""Of each coefficient of a trial's own slow error (a choice): a third of the 1.5 that angles spread from trial to trial
+(data/published/kinematic_repeatability.csv), most of which the person walks and the plate feels."""
 CURVE_COEFFICIENTS = 8
-PATH_COEFFICIENTS = 6
+SLOW_COEFFICIENTS = 6
 
 
 def standard_parameters(
-    variables: Mapping[str, Variable], side: str, labels: Sequence[str], *, damping_by_zone: bool = False,
-    paths: bool = False
+    variables: Mapping[str, Variable], side: str, labels: Sequence[str], *, bench: bool = False,
+    damping_by_zone: bool = False, paths: bool = False
 ) -> FitParameters:
     """The parameters of the joint fit.
 
     Args:
         variables: of the walker. side: "right" or "left", the prosthetic one.
         labels: of the trials.
+        bench: there is one, which tells the keel's modulus.
         damping_by_zone: a damping time for each zone in place of one for all.
         paths: each trial has a slow correction of the pelvis's path.
     """
@@ -211,23 +231,32 @@ def standard_parameters(
                              "10 % loss a load cycle by default, a choice"))
     items += [zero("offset.height", "m", 0.01, 4, "length of the prosthesis and of the limb in its socket"),
               zero("offset.fore_aft", "m", 0.01, 4, "where the foot is bolted on"),
-              zero("offset.alignment", "rad", math.radians(3.0), 4, "what a prosthetist sets")]
-    items += [zero(f"coordinate.{name}_{side[0]}", "rad", math.radians(1.5), 10,
-                   "misplaced markers: 1-2 degrees between sessions and examiners") for name in ANGLES]
-    items += [zero(f"curve.{name}_{side[0]}.{i}", "rad", math.radians(0.5), 10, "sliding skin and crosstalk")
-              for name in ANGLES for i in range(CURVE_COEFFICIENTS)]
+              *(zero(f"offset.{name}", "rad", math.radians(3.0), 4, "what a prosthetist sets")
+                for name in ("alignment", "inversion", "toe_out"))]
+    items += [zero(f"coordinate.{name}_{side[0]}", "rad", math.radians(sd), 6, why)
+              for name, (sd, why) in CONSTANT_DEG.items()]
+    items += [zero(f"curve.{name}_{side[0]}.{i}", "rad", math.radians(sd), 8, why)
+              for name, (sd, why) in CURVE_DEG.items() for i in range(CURVE_COEFFICIENTS)]
     items += [own(f"socket.{axis}.stiffness", 0.5, "measured sockets fix it within a factor of two",
                   frozen=axis != "tz") for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
     if len(labels) > 1:
         items += [zero(f"trial.{label}.height", "m", 2e-3, 10, "calibration of the laboratory from trial to trial")
                   for label in labels]
+        items += [zero(f"trial.{label}.curve.{name}_{side[0]}.{i}", "rad", math.radians(SLOW_DEG), 8,
+                       "markers move within a trial")
+                  for label in labels for name in SLOW for i in range(SLOW_COEFFICIENTS)]
     if paths:
         items += [zero(f"trial.{label}.path.{name}.{i}", "m", 1e-3, 10, "a slow drift that no foot could make")
-                  for label in labels for name in PATH_COORDINATES for i in range(PATH_COEFFICIENTS)]
-    items += [own("keel.flexural_modulus", 0.2, "effective: it stands for what yields in one keel and its anchor"),
+                  for label in labels for name in PATH_COORDINATES for i in range(SLOW_COEFFICIENTS)]
+    items += [own("keel.flexural_modulus", 0.2, "effective: it stands for what yields in one keel and its anchor",
+                  frozen=not bench),
               own("fulcrum.stiffness", 0.7, "a choice: stiff enough to sink less than a millimetre")]
-    items += [own(f"friction.{name}", 0.3, "the paper's coefficients were given, not fitted")
-              for name in ("mu_static", "mu_kinetic", "threshold_velocity")]
+    share = min(variables[MU_KINETIC].default / variables[MU_STATIC].default, 1.0)
+    # the paper's coefficients were given, not fitted; a foot that the recording drags along slips at 0.1 to 0.2 m/s
+    items += [own(MU_STATIC, 0.5, "shoes on floors: 0.3 to 0.8 (a choice)", frozen=False),
+              FitParameter(name=KINETIC_SHARE, unit="1", start=share, low=0.2, high=1.0, mean=share, scale=0.2,
+                           why="no more than static friction (a choice)"),
+              own("friction.threshold_velocity", 0.7, "a factor of two: a numerical width (a choice)", frozen=False)]
     return FitParameters(items)
 
 
@@ -272,6 +301,9 @@ class TrialMap:
         if DAMPING_TIME in names and not self._laws:
             raise _refused(f"{DAMPING_TIME} has no law to belong to",
                            "Give contact.ZONE.force and contact.ZONE.exponent too")
+        if KINETIC_SHARE in names and (MU_STATIC not in names or MU_KINETIC in names):
+            raise _refused(f"{KINETIC_SHARE} is a share of {MU_STATIC}, and sets {MU_KINETIC}",
+                           f"Give {MU_STATIC} with it, which may be frozen, and not {MU_KINETIC}")
         coefficients = curve_coefficients(names)
         self._targets = {name: self._target(name, label, variables) for name in names}
         self.perturbations = () if trial is None else _perturbations(
@@ -307,6 +339,11 @@ class TrialMap:
             depends(f"{own}damping", of_force, b / force)
             depends(f"{own}damping", of_exponent, b / n)
             depends(f"{own}damping", of_time, b / time)
+        if KINETIC_SHARE in values:
+            share, mu = values[KINETIC_SHARE], values[MU_STATIC]
+            walk[MU_KINETIC] = share * mu
+            depends(MU_KINETIC, KINETIC_SHARE, mu)
+            depends(MU_KINETIC, MU_STATIC, share)
         return WalkValues(values=walk, names=tuple(by), by=np.array([*by.values()]).reshape(len(by), len(free)))
 
     def _target(self, name: str, label: str | None, variables: Collection[str]) -> tuple[str, float] | None:
@@ -316,11 +353,13 @@ class TrialMap:
                 heights = sum(name.endswith(".height") and bool(OF_TRIAL.fullmatch(name))
                               for name in self.parameters.by_name)
                 return None if label is None else (OFFSET_HEIGHT, float(match["label"] == label) - 1.0 / heights)
-            return (f"perturbation.path.{match['path']}", 1.0) if match["label"] == label else None
+            kind, _, rest = match["slow"].partition(".")
+            family = f"perturbation.{'slow' if kind == 'curve' else kind}.{rest}"
+            return (family, 1.0) if match["label"] == label else None
         if _CURVE.fullmatch(name):
             return f"perturbation.{name}", 1.0
         law = _LAW.fullmatch(name)
-        if name == DAMPING_TIME or (law and law[1] in self._laws):
+        if name in (DAMPING_TIME, KINETIC_SHARE) or (law and law[1] in self._laws):
             return None
         if name not in variables:
             raise _refused(f"{name} is no parameter of a contact fit",
@@ -350,7 +389,8 @@ def _refused(what: str, right: str | None = None) -> InputError:
 
 
 def _perturbations(targets: Collection[str], trial: Trial, coefficients: int) -> tuple[MotionPerturbation, ...]:
-    families = {"path": _members(window_bsplines(trial.start_s, trial.end_s, PATH_COEFFICIENTS))}
+    slow = _members(window_bsplines(trial.start_s, trial.end_s, SLOW_COEFFICIENTS))
+    families = {"path": slow, "slow": slow}
     if coefficients:
         phase, basis = gait_phase(trial), periodic_bsplines(coefficients)
         families["curve"] = _members(lambda times: basis(phase(times)))
@@ -358,8 +398,8 @@ def _perturbations(targets: Collection[str], trial: Trial, coefficients: int) ->
     names = [target.removeprefix("perturbation.") for target in targets if target.startswith("perturbation.")]
     for name in dict.fromkeys(names):
         kind, coordinate, index = name.rsplit(".", 2)
-        if kind == "path" and int(index) >= PATH_COEFFICIENTS:
-            raise _refused(f"{name} is beyond the {PATH_COEFFICIENTS} coefficients of a path")
+        if kind != "curve" and int(index) >= SLOW_COEFFICIENTS:
+            raise _refused(f"{name} is beyond the {SLOW_COEFFICIENTS} coefficients of a slow correction")
         perturbations.append(MotionPerturbation(name=name, coordinate=coordinate, shape=families[kind](int(index))))
     return tuple(perturbations)
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -108,7 +108,8 @@ class ContactFit:
         self.walker = walker or Walker(subject, model)
         if (self.walker.subject, self.walker.model) != (subject, model):
             raise InputError("is of another subject or model than the trials", where="walker")
-        self.parameters = parameters or standard_parameters(self.walker.variables, subject.prosthetic_side, self.labels)
+        self.parameters = parameters or standard_parameters(self.walker.variables, subject.prosthetic_side, self.labels,
+                                                            bench=bench is not None)
         for name in self.parameters.by_name:
             if owner(name) not in (None, *self.labels):
                 raise InputError(f"{name} belongs to no trial of this fit", where="parameters",
@@ -118,7 +119,7 @@ class ContactFit:
             self.terms_of(trial, label) for trial, label in zip(self.trials, self.labels, strict=True)]
         self.shared = TrialMap(self.parameters, self.walker.variables, None, None)
         self.machine = None if bench is None else bench_of(model.foot, bench)
-        self._last: tuple[np.ndarray, bool, FitEvaluation] | None = None
+        self._last: tuple[np.ndarray, tuple[float, float], bool, FitEvaluation] | None = None
 
     @property
     def joint(self) -> ContactFitOptions:
@@ -166,23 +167,31 @@ class ContactFit:
                              right="A trial that was not fitted has none: give None")
         return TrialTerms(self, trial, label)
 
-    def evaluate(self, u: np.ndarray, *, derivatives: bool = True) -> FitEvaluation:
-        """The residuals at u (P,); trials are walked side by side. SimulationError if a walk, or the bench, fails."""
-        u = np.asarray(u, dtype=float)
-        if self._last is not None and np.array_equal(self._last[0], u) and self._last[1] >= derivatives:
-            return self._last[2]
+    def evaluate(
+        self, u: np.ndarray, *, derivatives: bool = True, noise: float = 1.0, step_s: float | None = None
+    ) -> FitEvaluation:
+        """The residuals at u (P,); trials are walked side by side. SimulationError if a walk, or the bench, fails.
+
+        For the way to a minimum, not for its end: `noise` times as much of it as is assumed, in walks and bench, so
+        that the prior counts for more; `step_s` of the walks, in place of the options'.
+        """
+        u, step_s = np.asarray(u, dtype=float), step_s or self.options.step_s
+        how = (noise, step_s)
+        if self._last is not None and np.array_equal(self._last[0], u) and self._last[1] == how and (
+                self._last[2] >= derivatives):
+            return self._last[3]
         self.evaluations += 1
         with ThreadPoolExecutor(min(len(self._terms), os.cpu_count() or 1)) as pool:
-            each = pool.map(lambda trial: trial.terms(u, derivatives=derivatives), self._terms)
+            each = pool.map(lambda trial: trial.terms(u, derivatives=derivatives, step_s=step_s), self._terms)
             terms = [term for of_trial in each for term in of_trial]
         prior = [p for p, item in enumerate(self.parameters.free) if item.prior]
-        terms += [*self._bench_terms(u, derivatives),
-                  ResidualTerm(name=PRIOR, trial=PRIOR, times_s=None, residual=u[prior],
-                               by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0)))]
+        terms = [replace(term, weight=term.weight / noise) for term in [*terms, *self._bench_terms(u, derivatives)]]
+        terms.append(ResidualTerm(name=PRIOR, trial=PRIOR, times_s=None, residual=u[prior],
+                                  by=np.eye(len(u))[prior] if derivatives else np.zeros((len(prior), 0))))
         evaluation = FitEvaluation(
             residual=np.concatenate([term.weight * term.residual for term in terms]),
             jacobian=np.vstack([term.weight * term.by for term in terms]), terms=tuple(terms))
-        self._last = (u.copy(), derivatives, evaluation)
+        self._last = (u.copy(), how, derivatives, evaluation)
         return evaluation
 
     def bench_stiffness(self, u: np.ndarray) -> np.ndarray:
@@ -251,9 +260,9 @@ class TrialTerms:
         by = compare_sensitivity(comparison, result, walk.sensitivity)
         return comparison, result, by.model @ at.by, tuple(cop @ at.by for cop in by.cop)
 
-    def terms(self, u: np.ndarray, *, derivatives: bool) -> list[ResidualTerm]:
+    def terms(self, u: np.ndarray, *, derivatives: bool, step_s: float | None = None) -> list[ResidualTerm]:
         """The residuals at u."""
-        c, result, force_by, cop_by = self.walk(u, derivatives=derivatives)
+        c, result, force_by, cop_by = self.walk(u, derivatives=derivatives, step_s=step_s)
         rows = np.flatnonzero(c.scored)[:: max(1, round(STRIDE * 2e-3 / c.step_s))]
         model, measured = c.model[rows], c.measured[rows]
         by = np.zeros((len(rows), 3, 0)) if force_by is None else force_by[rows]
@@ -363,4 +372,4 @@ def _check_recording(first: Trial, trial: Trial, series: Sequence[str]) -> None:
                           "Choose a window that holds whole stances only")
     if any(name in COP for name in series) and not plate.has_cop:
         raise refused("its plate has no centre of pressure, which is to be compared", "forces",
-                      "Leave the centre of pressure out of the comparison, or the trial")
+                      "Leave the centre of pressure out of the comparison (--no-cop), or the trial")

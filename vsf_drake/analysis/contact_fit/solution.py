@@ -94,6 +94,7 @@ class ContactFitSolution:
             curves=tuple(JointCurve(coordinate=name, coefficients=c) for name, c in _splines(shared, "curve").items()),
             trials=tuple(FittedTrial(
                 name=label, fingerprint=fingerprint(trial), path=_splines(values, "path"),
+                curves=_splines(values, "slow"),
                 height_m=values.get(OFFSET_HEIGHT, 0.0) - shared.get(OFFSET_HEIGHT, 0.0))
                 for label, trial, values in own),
             provenance={**provenance({}), "seed": self.fit.options.seed, **solver})

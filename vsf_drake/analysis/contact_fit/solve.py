@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.solvers import IpoptSolver, NloptSolver, SnoptSolver, SolverInterface, SolverOptions
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import lsq_linear
 from scipy.stats import norm, qmc
 
 from vsf_drake.analysis.contact_fit.options import FitNoise
@@ -22,9 +22,14 @@ from vsf_drake.files import plain
 
 ENOUGH, AGAIN = 0.5, 3
 """A search has not converged while a step would still lower the cost by more: a likelihood ratio of exp(-1/2). It is
-then begun again there, this often: trust regions scaled by the distance to the bounds can stop early on one."""
-INSIDE = 0.1
-"""So far within the bounds, in standard deviations of the prior, searches begin."""
+then begun again there, this often."""
+STAGES = ((30.0, 2.0, 1e-2), (10.0, 2.0, 1e-2), (3.0, 2.0, 1e-2))
+"""Before a search minimises the cost itself: how much larger the noise is taken, and the step of the walks, than they
+are, and the part of the cost by which a last step may better it. With 30 times the noise the prior decides between
+minima, such as which zone of the heel strikes first, that only bumps of the data part (graduated non-convexity: Blake
+& Zisserman 1987, Visual Reconstruction)."""
+RADIUS, LARGEST_RADIUS, SMALLEST_RADIUS = 1.0, 2.0, 1e-3
+"""Of the trust region, in standard deviations of the prior: at first, at most, and where a stage ends."""
 LOST = 100.0
 """What a failed simulation costs, over what the search began with, where a solver wants a number."""
 _TYPICAL = 30.0
@@ -62,6 +67,7 @@ def run_searches(
 
     done = [] if resume is None else fit.resumed(resume, lambda state: [*map(read, state["searches"][:starts])])
     began, before, ended = time.perf_counter(), len(done), 0.0
+    until = began + (np.inf if fit.joint.time_limit_s is None else fit.joint.time_limit_s)
     for i in range(len(done), starts):
         def tell(evaluations: int, cost: float, i: int = i, ended: float = ended) -> None:
             if progress:
@@ -71,8 +77,10 @@ def run_searches(
                     share = (time.perf_counter() - began) * (i - before) / (ended * (starts - before))
                 progress(f"search {i + 1} of {starts}, best cost {best:.1f}", min(share, 1.0))
 
-        done.append(search(fit, _start(fit, i), tell))
+        done.append(search(fit, _start(fit, i), tell, until=until))
         ended = time.perf_counter() - began
+        if time.perf_counter() > until:  # this one may have been cut: it is no part of a state to go on from
+            break
         if checkpoint:
             checkpoint({"key": fit.key, "searches": plain([vars(s) for s in done])})
     return tuple(done)
@@ -99,52 +107,97 @@ def _start(fit: ContactFit, i: int) -> np.ndarray:
     return min(prior_samples(fit.parameters, fit.joint.screened, [fit.joint.seed, i]), key=cost)
 
 
-def search(fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None) -> FitSearch:
+def search(
+    fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None, *, near: bool = False,
+    until: float = np.inf
+) -> FitSearch:
     """Searches from `start` (P,) on; a start at which the simulation fails is a search that failed, not an error.
-    `progress` is told the number of evaluations so far and the lowest cost."""
+
+    Args:
+        progress: told the number of evaluations so far and the lowest cost.
+        near: the start is near a minimum: no stage goes before the last.
+        until: instant of `time.perf_counter` (s) at which the search is ended where it is.
+    """
     start = np.clip(start, *fit.parameters.bounds)
-    tried = _Tried(fit, progress)
-    first = tried.at(start)
-    if first is None or not np.isfinite(first.cost):
-        return FitSearch(start=start, u=start, start_cost=np.inf, cost=np.inf, success=False,
-                         message=f"the walk fails where the search starts: {tried.failure}", evaluations=tried.count,
-                         failed=tried.failed)
-    start_cost = tried.best_cost
-    method = _gauss_newton if fit.joint.solver == "gauss_newton" else _drake
-    success, message = method(fit, tried, start)
-    left, again = _left_to_gain(fit, tried.best), AGAIN
-    while success and left > ENOUGH and again:
-        success, message = _gauss_newton(fit, tried, tried.best)
-        left, again = _left_to_gain(fit, tried.best), again - 1
-    if success and left > ENOUGH:
-        success, message = False, f"it stopped where a step would still lower the cost by {left:.1f}; {message}"
-    elif not success and left <= ENOUGH:
-        success, message = True, f"no step would lower the cost by more than {ENOUGH:g} any more; {message}"
+    tried = _Tried(fit, progress, until)
+    try:
+        first = tried.at(start)
+        if first is None or not np.isfinite(first.cost):
+            return FitSearch(start=start, u=start, start_cost=np.inf, cost=np.inf, success=False,
+                             message=f"the walk fails where the search starts: {tried.failure}",
+                             evaluations=tried.count, failed=tried.failed)
+        start_cost = first.cost
+        if fit.joint.solver != "gauss_newton":
+            success, message = _drake(fit, tried, start)
+        elif near:
+            success, message = _descend(tried, start)
+        else:
+            begin = start
+            for noise, coarser, tolerance in STAGES:
+                _descend(tried, begin, noise=noise, step_s=coarser * fit.joint.step_s, tolerance=tolerance)
+                begin = tried.last
+            success, message = _descend(tried, begin)
+        left, again = _left_to_gain(tried), AGAIN
+        while success and left > ENOUGH and again:
+            before = tried.best_cost
+            success, message = _descend(tried, tried.best)
+            left, again = _left_to_gain(tried), again - 1
+            if success and before - tried.best_cost < ENOUGH and tried.rough:
+                left, message = 0.0, (f"no step lowers the cost by more than {ENOUGH:g}, though its slope promises "
+                                      f"{left:.1f}: the cost is rough there")
+        if success and left > ENOUGH:
+            success, message = False, f"it stopped where a step would still lower the cost by {left:.1f}; {message}"
+        elif not success and left <= ENOUGH:
+            success, message = True, f"no step would lower the cost by more than {ENOUGH:g} any more; {message}"
+    except RuntimeError:  # Drake's solvers make it one of their own
+        if not tried.late:
+            raise
+        success, message = False, f"the time limit of {fit.joint.time_limit_s:g} s ended it"
     return FitSearch(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
                      message=message, evaluations=tried.count, failed=tried.failed)
 
 
-def _left_to_gain(fit: ContactFit, u: np.ndarray) -> float:
-    """By how much the best step within the bounds would lower the cost if the residuals were linear."""
-    at, (low, high) = fit.evaluate(u), fit.parameters.bounds
-    # minimise 1/2 |r + J s|^2 with low <= u + s <= high
-    step = lsq_linear(at.jacobian, -at.residual, bounds=(low - u - 1e-9, high - u + 1e-9))
-    return at.cost - float(step.cost)
+def _left_to_gain(tried: _Tried) -> float:
+    """By how much the best step within the bounds would lower the lowest cost if the residuals were linear."""
+    u, at, (low, high) = tried.best, tried.at(tried.best), tried.fit.parameters.bounds
+    assert at is not None
+    return _step(at.jacobian, at.residual, low - u, high - u)[1]
+
+
+def _step(jacobian: np.ndarray, residual: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
+    """The s (P,) within low <= s <= high that minimises 1/2 |residual + jacobian s|^2, and by how much it lowers that.
+    """
+    triangle = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]), mode="r"))
+    R, y = triangle[:, :-1], triangle[:, -1]
+    apart = 1e-12  # the solver wants room between its bounds
+    s = lsq_linear(R, -y, bounds=(np.minimum(low, -apart), np.maximum(high, apart)), method="bvls").x
+    s = np.clip(s, low, high)
+    return s, 0.5 * float(y @ y - np.sum((y + R @ s) ** 2))
+
+
+class _Late(RuntimeError):
+    """The time limit of a search is over."""
 
 
 class _Tried:
     """Evaluates for a solver and keeps the best point; a failed simulation is None."""
 
-    def __init__(self, fit: ContactFit, progress: Callable[[int, float], None] | None) -> None:
-        self.fit, self.progress = fit, progress
+    def __init__(self, fit: ContactFit, progress: Callable[[int, float], None] | None, until: float) -> None:
+        self.fit, self.progress, self.until = fit, progress, until
         self.count = self.failed = 0
         self.failure, self.interrupted = "", False
         self.best, self.best_cost, self.first = np.zeros(0), np.inf, 0.0
+        self.last, self.rough, self.late = np.zeros(0), False, False
 
-    def at(self, u: np.ndarray, *, derivatives: bool = True) -> FitEvaluation | None:
+    def at(
+        self, u: np.ndarray, *, derivatives: bool = True, noise: float = 1.0, step_s: float | None = None
+    ) -> FitEvaluation | None:
+        if time.perf_counter() > self.until and np.isfinite(self.best_cost):
+            self.late = True
+            raise _Late
         before = self.fit.evaluations
         try:
-            evaluation = self.fit.evaluate(u, derivatives=derivatives)
+            evaluation = self.fit.evaluate(u, derivatives=derivatives, noise=noise, step_s=step_s)
         except SimulationError as error:
             self.count, self.failed, self.failure = self.count + 1, self.failed + 1, str(error)
             return None
@@ -152,7 +205,7 @@ class _Tried:
             self.interrupted = True
             raise
         self.count += self.fit.evaluations - before
-        if evaluation.cost < self.best_cost:
+        if noise == 1.0 and step_s is None and evaluation.cost < self.best_cost:
             self.best, self.best_cost = np.array(u), evaluation.cost
         if self.progress:
             self.progress(self.count, self.best_cost)
@@ -168,23 +221,53 @@ class _Tried:
         return FitEvaluation(residual=lost, jacobian=np.zeros((1, len(u))), terms=())
 
 
-def _gauss_newton(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str]:
-    """Bounded Gauss-Newton with a trust region (Branch, Coleman & Li 1999), in scipy."""
-    low, high = fit.parameters.bounds
-    inside = np.minimum(INSIDE, 0.25 * (high - low))
-    begin = np.clip(start, low + inside, high - inside)
-    first = tried.at(begin)
-    if first is None:
-        return False, f"the walk fails beside where the search starts: {tried.failure}"
-    lost = np.full(len(first.residual), np.inf)
+def _descend(
+    tried: _Tried, start: np.ndarray, *, noise: float = 1.0, step_s: float | None = None,
+    tolerance: float | None = None, most: int | None = None
+) -> tuple[bool, str]:
+    """Gauss-Newton in a box as trust region (Conn, Gould & Toint 2000, Trust-Region Methods, ch. 6), within the bounds;
+    whether it converged, and how it ended. Leaves the last point in `tried.last`.
 
-    def residual(u: np.ndarray) -> np.ndarray:
-        evaluation = tried.at(u)
-        return lost if evaluation is None else evaluation.residual
+    Where the cost has a kink, a step is promised that is not to be had. So the slopes of points beside it that were
+    rejected count in the mean with the point's own: across a kink they cancel (Burke, Lewis & Overton 2005, gradient
+    sampling, doi 10.1137/030601296).
+    """
+    fit, (low, high) = tried.fit, tried.fit.parameters.bounds
+    tolerance, most = tolerance or fit.joint.tolerance, most or fit.joint.iterations
 
-    solution = least_squares(residual, begin, jac=lambda u: fit.evaluate(u).jacobian, bounds=(low, high),
-                             ftol=fit.joint.tolerance, xtol=1e-6, gtol=1e-8, max_nfev=fit.joint.iterations)
-    return bool(solution.success), str(solution.message)
+    def at(u: np.ndarray) -> FitEvaluation | None:
+        return tried.at(u, noise=noise, step_s=step_s)
+
+    u, here, radius, beside = start, at(start), RADIUS, list[tuple[np.ndarray, np.ndarray]]()
+    tried.last, tried.rough = u, False
+    if here is None:
+        return False, f"the walk fails on the way: {tried.failure}"
+    while tried.count < most:
+        near = [jacobian for other, jacobian in beside if np.abs(other - u).max() <= 2.0 * radius]
+        s, promised = _step(np.mean([here.jacobian, *near], axis=0), here.residual, np.maximum(low - u, -radius),
+                            np.minimum(high - u, radius))
+        size = float(np.abs(s).max())
+        if promised < tolerance * here.cost and size < 0.99 * radius:
+            return True, f"a step betters the cost by less than {tolerance:g} of it"
+        there = at(np.clip(u + s, low, high))
+        gain = -np.inf if there is None else here.cost - there.cost
+        if there is not None and gain > 0.05 * promised:
+            radius = 0.5 * size if gain < 0.25 * promised else radius
+            if gain > 0.7 * promised and size > 0.9 * radius:
+                radius = min(2.0 * radius, LARGEST_RADIUS)
+            u, here, beside = np.clip(u + s, low, high), there, []
+            tried.last = u
+        elif there is not None:
+            beside.append((np.clip(u + s, low, high), there.jacobian))
+            radius = 0.25 * size
+        else:
+            radius = 0.1 * size
+        if radius < SMALLEST_RADIUS:
+            tried.rough = there is not None
+            if there is None:
+                return False, f"walks fail beside it: {tried.failure}"
+            return True, f"no step of {SMALLEST_RADIUS:g} standard deviations or more lowers the cost"
+    return False, f"the limit of {fit.joint.iterations} iterations ended it"
 
 
 def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str]:
@@ -199,7 +282,7 @@ def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str
         options.SetOption(solver.solver_id(), setting, value)
     result = solved(solver, fit.program(tried.evaluate), start, options, tried)
     if name == "nlopt":
-        return _gauss_newton(fit, tried, tried.best)
+        return _descend(tried, tried.best, most=tried.count + iterations)  # its own limit is of the global part
     return bool(result.is_success()), f"{name}: {result.get_solution_result().name}"
 
 

@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 
 from vsf_drake.motion.events import Stance, longest_run
-from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.plants.foot import set_mount, sole_height
@@ -140,8 +140,7 @@ def model_motion(
     plant.Finalize()
     context = plant.CreateDefaultContext()
     if offsets is not None:
-        set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
-                  alignment=offsets.alignment_rad)
+        set_mount(context, person.foot, **mount_of(offsets))
     prosthetic = subject.prosthetic_side
     intact = "left" if prosthetic == "right" else "right"
     points = {prosthetic: _prosthetic(person), intact: _intact(person, model, intact)}

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.multibody.tree import BodyIndex
 
-from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.simulation.mechanism import gait_mechanism
 from vsf_drake.simulation.walk import Walker
@@ -74,8 +74,7 @@ def body_points(walker: Walker, offsets: GeometricOffsets, names: Sequence[str],
     Context is not changed."""
     gait, person, root = walker.gait, walker.gait.person, walker.context.Clone()
     plant, context = gait.plant, gait.plant_context(root)
-    set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
-              alignment=offsets.alignment_rad)
+    set_mount(context, person.foot, **mount_of(offsets))
     mechanism, own, segments = gait_mechanism(gait, root), person.subject.prosthetic_side, person.segments
     side = {"P": own, "I": "left" if own == "right" else "right"}
     count, points, nil = len(person.foot.sites.radius), [], np.zeros(3)

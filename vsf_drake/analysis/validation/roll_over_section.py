@@ -19,6 +19,7 @@ from vsf_drake.analysis.comparison import (
 from vsf_drake.analysis.validation.study import Progress, Section, Spread, Study, StudyWalk, reached, spread
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.manifest import mount_of
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.plants.foot import set_mount, sole_height
 from vsf_drake.plants.gait import make_gait
@@ -297,8 +298,7 @@ def _shank(walk: StudyWalk) -> tuple[RollOverFrames, float, float]:
     gait = make_gait(trial.subject, trial.model)
     person, plant = gait.person, gait.plant
     context = plant.CreateDefaultContext()
-    set_mount(context, person.foot, height=offsets.height_m, fore_aft=offsets.fore_aft_m,
-              alignment=offsets.alignment_rad)
+    set_mount(context, person.foot, **mount_of(offsets))
     ankle = np.array([0.0, 0.0, -person.body.residual_length - person.body.pylon_length])
     shank = person.segments[f"shank_{trial.subject.prosthetic_side}"]
     p_KHeel = [trial.model.foot.heel_x_m, 0.0, sole_height(trial.model.foot)]

@@ -21,13 +21,13 @@ from vsf_drake.errors import InputError
 from vsf_drake.laws import kelvin_voigt
 from vsf_drake.laws.kelvin_voigt import smooth_step
 from vsf_drake.laws.smooth_contact import rounded_positive_part
-from vsf_drake.motion.manifest import GeometricOffsets
+from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.schema import check, quantity
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion, PlanarTree, planar_tree, turned
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
-from vsf_drake.simulation.variables import added, check_values
+from vsf_drake.simulation.variables import OFFSETS, added, check_values
 from vsf_drake.simulation.walk import Walker, check_offsets
 
 DESIGN = ("fulcrum_m", "heel_stiffness", "alignment_rad", "keel_thickness")
@@ -60,8 +60,9 @@ class SagittalModel:
         mount, self.shift, shifts, *_ = added(walker.variables, values, gait.prescribed)
         if np.any(shifts):
             raise InputError("the sagittal model shifts no coordinate", where="values", right="Shift the motion itself")
-        set_mount(gait.plant_context(context), foot, height=offsets.height_m + mount[0],
-                  fore_aft=offsets.fore_aft_m + mount[1], alignment=offsets.alignment_rad + mount[2])
+        own = mount_of(offsets)
+        set_mount(gait.plant_context(context), foot, **{  # the plane knows no inversion and no toe-out
+            name: own[name] + more for name, more in zip(OFFSETS[:3], mount[:3], strict=True)})
         mechanism = edited(gait_mechanism(gait, context), walker.variables, values)
         tree = mechanism.tree
         self.subject, self.foot = walker.subject, walker.model.foot

@@ -106,7 +106,8 @@ def make_directions(
     of_mount, joints = coordinate < 0, tree.coordinate_bodies[rows]
     body = np.where(of_mount, forces.frame_body, tree.coordinate_bodies[coordinate])
     mount, unit = np.zeros((len(coordinate), 6)), np.zeros((len(coordinate), len(tangents)))
-    mount[of_mount] = _mount_motions(tree, forces.frame_body)[-1 - coordinate[of_mount]]
+    mirrored = any(by_unit.mirrored for by_unit in tangents)
+    mount[of_mount] = _mount_motions(tree, forces.frame_body, mirrored=mirrored)[-1 - coordinate[of_mount]]
     for place, amount in units.items():
         unit[place] = amount
     entries = sorted((int(s), p, int(column), float(by_unit.sites[s, column])) for p, by_unit in enumerate(tangents)
@@ -151,13 +152,19 @@ def tangent_workspace(tree: Tree, dofs: FreePrescribed, directions: TangentDirec
                    **{name: np.zeros(shape) for name, shape in shapes.items()})
 
 
-def _mount_motions(tree: Tree, frame_body: int) -> np.ndarray:
-    """(3, 6) height, fore-aft and alignment of `plants.foot.mount_pose` as motions of the foot's frame K, about and in
-    K. The foot goes up along z_K, forward along x_K, and turns about the mount's own origin, toes up about -y_K."""
+def _mount_motions(tree: Tree, frame_body: int, *, mirrored: bool) -> np.ndarray:
+    """(5, 6) height, fore-aft, alignment, inversion and toe-out of `plants.foot.mount_pose` as motions of the foot's
+    frame K, about and in K. The foot goes up along z_K, forward along x_K, and turns about the mount's own origin."""
     link = tree.frames[np.flatnonzero(tree.links[:, 2] == frame_body)[0]]
-    p_KM, toes_up = -link[12:21].reshape(3, 3).T @ link[21:24], np.array([0.0, -1.0, 0.0])
+    R_MK, right = link[12:21].reshape(3, 3), -1.0 if mirrored else 1.0
+    p_KM = -R_MK.T @ link[21:24]
+    # R_MK = Ry(-alignment) Rx(right inversion) Rz(-right toe_out): the first turns about the mount's -y, the last about
+    # the foot's -+z, the middle one about the axis forward that is normal to both.
+    toes_up, upright = -R_MK[1], np.array([0.0, 0.0, 1.0])
+    forward = np.cross(upright, toes_up)
+    turns = [toes_up, right * forward / np.linalg.norm(forward), -right * upright]
     return np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-                     [*toes_up, *-np.cross(toes_up, p_KM)]])
+                     *([*axis, *-np.cross(axis, p_KM)] for axis in turns)])
 
 
 # How a parameter enters the arrays that a run works on.
@@ -170,8 +177,9 @@ class ParameterTangent:
     sites: np.ndarray | None = None
     springs: np.ndarray | None = None
     fulcrum: np.ndarray | None = None
-    mount: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    """To height (m), fore-aft (m) and alignment (rad) of the foot under the pylon."""
+    mount: np.ndarray = field(default_factory=lambda: np.zeros(5))
+    """To height, fore-aft (m), alignment, inversion and toe-out (rad) of the foot under the pylon."""
+    mirrored: bool = False  # whether that is a left foot, which inverts and turns out the other way
     fulcrum_shift: float = 0.0  # m, to the fulcrum's position
     coordinate: str | None = None
     """Name of the prescribed coordinate that shifts."""
