@@ -162,8 +162,8 @@ def test_ctrl_c_before_anything_was_found_leaves_no_old_contact(run, quick_fit, 
 
 
 def test_freed_and_frozen_parameters_are_those_that_were_named(run, tmp_path, bare):
-    words = ("--free", "socket.ty.stiffness", "--freeze", "friction.*", "--freeze", "curve.*", "--freeze", "contact.*", "--free",
-             "contact.forefoot.*", "--damping-by-zone", "--paths", "--resultant")
+    words = ("--free", "socket.ty.stiffness", "--freeze", "friction.*", "--freeze", "curve.*", "--freeze", "contact.*",
+             "--free", "contact.forefoot.*", "--damping-by-zone", "--paths", "--resultant")
     assert run("fit", TRIAL, "--out", tmp_path / "fit", "--quick", *words)[0] == 0
     table = read_json(tmp_path / "fit" / "fit.json")
     free = {row["name"] for row in table["parameters"] if not row["frozen"]}
