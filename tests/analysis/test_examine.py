@@ -48,6 +48,33 @@ def test_walk_with_markers_a_degree_off_is_good_but_for_remarks_and_costs_more_t
     assert expected_error(item.checks) > 3.0 * expected_error(examined("exact", setting).checks)
 
 
+def test_what_a_session_hides_is_named():
+    """data/sessions/README.md: hip rotation, knee adduction and knee rotation are written without their mean over the
+    walk; B's foot, 224 mm, is shorter than the model's."""
+    trial = load_trial(resource("data/sessions/b/day_1/1p1/high_1.yaml"))
+    checks = {check.name: check for check in examine(trial).checks}
+    zeroed = checks["angles zeroed at the walk's mean"]
+    assert zeroed.value == 6.0 and all(f"{name}_{side}" in zeroed.sentence for side in "rl"
+                                       for name in ("hip_rotation", "knee_adduction", "knee_rotation"))
+    assert checks["length of the foot"].value == pytest.approx(0.2242 / 0.245 - 1.0)
+
+
+@pytest.mark.parametrize("file", ["sessions/b/day_1/1p1/high_1", "reference_subject/exact/low_1"])  # left and right
+def test_inverting_the_prosthesis_rolls_its_sole_by_as_much_and_the_stated_one_levels_it(file):
+    trial = load_trial(resource(f"data/{file}.yaml"))
+
+    def roll_deg(inversion_rad):
+        subject = dataclasses.replace(trial.subject, prosthesis_inversion_rad=inversion_rad)
+        return next(check for check in examine(dataclasses.replace(trial, subject=subject)).checks
+                    if check.name == "sole roll at foot-flat").value
+
+    as_stated = roll_deg(trial.subject.prosthesis_inversion_rad or 0.0)
+    inverted = roll_deg((trial.subject.prosthesis_inversion_rad or 0.0) + np.radians(5.0))
+    assert inverted - as_stated == pytest.approx(5.0, abs=0.1), "as the sole is nearly level along the foot"
+    assert roll_deg((trial.subject.prosthesis_inversion_rad or 0.0) - np.radians(as_stated)) == pytest.approx(
+        0.0, abs=0.2)
+
+
 def moved(trial: Trial, name: str, perturbation) -> Trial:
     motion = trial.trajectory
     values = np.array(motion.values)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -97,6 +99,23 @@ def test_sole_angle_is_signed_toe_up_and_marked_by_its_cost(angle, mark):
     check = force_checks.sole_angle(foot, flat(foot))
     assert check.value == pytest.approx(angle, abs=0.3)
     assert check.mark == mark and ("toe up" if angle > 0 else "toe down") in check.sentence
+
+
+@pytest.mark.parametrize(("side", "left_up_deg", "value", "mark"), [
+    ("right", 2.0, 2.0, "good"), ("right", -6.0, -6.0, "doubtful"), ("left", -6.0, 6.0, "doubtful"),
+    ("left", 20.0, -20.0, "unusable")])
+def test_roll_of_the_sole_is_inversion_where_the_medial_edge_is_up(side, left_up_deg, value, mark):
+    tilt = np.radians(left_up_deg)
+    foot = dataclasses.replace(made_foot(side=side), left_W=np.tile([0.0, np.cos(tilt), np.sin(tilt)], (len(TIME), 1)))
+    check = force_checks.sole_roll(foot, flat(foot), foot, seen=False, inversion_rad=0.02)
+    assert check.value == pytest.approx(value) and check.mark == mark
+    assert ("inverted" if value > 0 else "everted") in check.sentence
+    if mark != "good":
+        assert f"prosthesis_inversion_rad: {0.02 - np.radians(value):.3f} in subject.yaml (now 0.020)" in check.sentence
+    level = dataclasses.replace(foot, left_W=np.tile([0.0, 1.0, 0.0], (len(TIME), 1)))
+    assert force_checks.sole_roll(level, flat(foot), foot, seen=True, inversion_rad=None).value == pytest.approx(value)
+    unknown = made_foot(side=side)
+    assert force_checks.sole_roll(unknown, flat(unknown), unknown, seen=False, inversion_rad=None) is None
 
 
 @pytest.mark.parametrize(("rate", "mark"), [(0.001, "good"), (0.008, "doubtful"), (-0.04, "unusable")])

@@ -15,11 +15,22 @@ from vsf_drake.analysis.recording.examine import examine
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
 from vsf_drake.motion import read_trial
+from vsf_drake.motion.events import find_stances
+from vsf_drake.motion.manifest import Window
 from vsf_drake.motion.markers.person_facts import PersonFacts
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.plants.gait import make_gait
 
 PERSON = PersonFacts(sex="male", prosthetic_side="right", mass_kg=MASS, stature_m=1.81)
+
+
+@pytest.fixture(autouse=True)
+def effect(monkeypatch):
+    """What the effect of scaling was asked for; two fits of the offsets take seconds."""
+    asked = []
+    monkeypatch.setattr("vsf_drake.analysis.import_walks._scaling_effect",
+                        lambda trial, ratio, options: asked.append(ratio) or ["the effect"])
+    return asked
 
 
 def touch(folder, *names):
@@ -87,6 +98,31 @@ def test_a_mass_that_the_standing_file_states_is_taken_and_held_against_the_plat
     assert (item.trial.subject.mass_kg, item.trial.subject.stature_m) == (mass, pytest.approx(1.79))
     marks = {check.name: check.mark for check in item.checks}
     assert marks["mass from the forces"] == mark and not {"body mass", "stature"} & {*marks}
+
+
+def test_a_walk_keeps_its_stances_on_plates_and_a_little_around_unless_a_window_is_stated(tmp_path):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk()])
+    [item] = import_walks(files, ImportOptions(person=PERSON)).items
+    trial = item.trial
+    *_, last = find_stances(trial.prosthetic_plate.time_s, trial.prosthetic_plate.force_W[:, 2])
+    [(_, unmeasured_end)] = trial.unmeasured["right"][1:]  # the stances before it are cut
+    assert last.start_s - 0.3 > unmeasured_end and last.end_s + 0.3 > trial.trajectory.end_s
+    assert (trial.start_s, trial.end_s) == (pytest.approx(last.start_s - 0.3, abs=6e-4), trial.trajectory.end_s)
+    assert any("0.3 s before and after" in note for note in trial.notes)
+    stated = ImportOptions(person=PERSON, window=Window(start_s=0.1, end_s=2.9))
+    [item] = import_walks(files, stated).items
+    assert (item.trial.start_s, item.trial.end_s) == (0.1, 2.9)
+
+
+def test_the_effect_of_a_foot_as_long_as_the_recorded_one_is_shown_where_lengths_differ(tmp_path, effect):
+    laboratory = Laboratory(tmp_path)
+    files = gather(laboratory.standing(), [laboratory.walk()])
+    imported = import_walks(files, ImportOptions(person=PERSON))
+    ratio = imported.items[0].trial.calibration.lengths_m["foot_right"] / 0.245
+    assert abs(ratio - 1.0) > 0.05 and not imported.scaled and effect == [pytest.approx(ratio)]
+    assert imported.scaling == ("the effect",) and "the effect" in imported.items[0].notes
+    assert imported.items[0].trial.model.foot.length_m == 0.245
 
 
 def test_model_feet_are_those_that_the_simulation_walks_on():

@@ -87,6 +87,28 @@ def test_odd_paths_are_named(path, name):
     assert marks(path)[name] != "good"
 
 
+def test_an_angle_whose_mean_over_the_walk_was_subtracted_is_named_and_a_still_or_pelvic_one_is_not():
+    angles = walking_angles() | {"hip_rotation_r": np.radians(5.0 * np.sin(2 * np.pi * TIME / 0.9) + 3.0),
+                                 "subtalar_angle_r": np.zeros(len(TIME))}
+    angles["pelvis_list"] = angles["ankle_angle_l"] - np.mean(angles["ankle_angle_l"])
+    assert (motion_checks.zero_mean(angles).mark, motion_checks.zero_mean(angles).value) == ("good", 0.0)
+    angles["hip_rotation_r"] -= np.mean(angles["hip_rotation_r"])
+    check = motion_checks.zero_mean(angles)
+    assert (check.mark, check.value) == ("doubtful", 1.0)
+    assert check.sentence.startswith("hip_rotation_r has mean 0 over the walk: its zero is unknown.")
+    angles["hip_rotation_r"] += np.radians(0.02)
+    assert motion_checks.zero_mean(angles).mark == "good"
+
+
+def test_foot_of_another_length_than_the_models_is_told_and_what_to_do():
+    assert motion_checks.foot_length(0.257, 0.245, intact=False).mark == "good"
+    check = motion_checks.foot_length(0.291, 0.245, intact=False)
+    assert check.mark == "doubtful" and check.value == pytest.approx(0.188, abs=1e-3)
+    assert "291 mm" in check.sentence and "--scale-prosthesis" in check.sentence
+    intact = motion_checks.foot_length(0.22, 0.245, intact=True)
+    assert intact.mark == "doubtful" and "The intact foot is 220 mm" in intact.sentence
+
+
 def test_worst_marker_is_named_with_its_residual():
     check = motion_checks.spread("residuals", {"RKNE": 0.004, "LTIB": 0.025})
     assert (check.mark, check.value) == ("unusable", pytest.approx(25.0))

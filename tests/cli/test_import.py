@@ -97,8 +97,12 @@ def test_import_again_replaces_its_own_files_and_one_bad_walk_does_not_spoil_the
 
 def test_prosthesis_of_the_persons_size_goes_into_a_model_of_its_own(run, laboratory, tmp_path):
     out = tmp_path / "out"
-    assert run("import", laboratory.standing(), laboratory.walk(), "--out", out, *STATED, "--scale-prosthesis")[0] == 0
+    code, said, _ = run("import", laboratory.standing(), laboratory.walk(), "--out", out, *STATED, "--scale-prosthesis")
+    assert code == 0
     trial = load_trial(out / "walk.yaml")
+    shown = next(line for line in said.splitlines() if "--scale-prosthesis changed" in line)
+    assert "a foot of 245 mm (the model's)" in shown and f"a foot of {1e3 * trial.model.foot.length_m:.0f} mm" in shown
+    assert shown.removeprefix("! ") in read_json(out / "import.json")["trials"][0]["notes"]
     # rajagopal has no toe marker at the tip: the foot's length is that of the markers' own estimate
     assert trial.model.foot.length_m == pytest.approx(0.26, rel=0.1)
     assert trial.fulcrum_m == pytest.approx(0.108 * trial.model.foot.length_m / 0.245)

@@ -10,9 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from vsf_drake.analysis.inverse_kinematics import refined
+from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.recording import FITTED_HIP_BW_PER_DEG, Check
 from vsf_drake.analysis.recording.examine import Examined, examine, weighed
-from vsf_drake.errors import InputError
+from vsf_drake.analysis.recording.motion_checks import SAME_FOOT
+from vsf_drake.analysis.validation.study import STEP_S, walk_trial
+from vsf_drake.errors import InputError, VsfError
 from vsf_drake.files import sha256, user_path
 from vsf_drake.model_file import check_fulcrum
 from vsf_drake.motion.formats.read import read_trial
@@ -28,6 +31,8 @@ from vsf_drake.sentences import say
 WEIGHED = 0.02  # error of a body mass that the plates tell (`mass_from_walk`: one or two percent)
 BESIDE = ("{}.mot", "{}_grf.mot", "{}.sto", "{}_grf.sto", "{}.csv", "{}_grf.csv", "{}.forces")
 """Names of a force file beside `walk.trc`, the first that exists counts; {} is the walk's name without suffix."""
+AROUND_STANCES_S = 0.3
+"""What a walk keeps before and after its stances on plates: the 0.25 s that are scored, and a little to settle in."""
 RESERVED = ("subject", "model", "standing", "import")  # names that a result folder needs for itself
 
 
@@ -41,6 +46,7 @@ class ImportOptions(TrialOptions):
     laboratory: Mapping[str, str | None] = field(default_factory=dict)  # up, forward, length_unit, as for `read_trial`
     scale_prosthesis: bool = False  # whether the model's prosthetic foot becomes as long as the person's
     inverse_kinematics: bool = False  # whether the angles are those of a global inverse kinematics
+    around_stances_s: float | None = AROUND_STANCES_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +57,7 @@ class ImportedWalks:
     names: tuple[str, ...]  # a file name for each
     failures: dict[str, str]  # by file, why it could not be used
     scaled: bool  # whether `items` have a model of their own
+    scaling: tuple[str, ...]  # what --scale-prosthesis changes, in a sentence, where the foot's lengths differ
     inputs: dict[str, str]  # SHA-256 by file
 
 
@@ -87,7 +94,7 @@ def import_walks(files: FileSet, options: ImportOptions, *, progress: Callable[[
         one = dataclasses.replace(options.person, mass_kg=mass)
         note = say("import", "median_mass", mass_kg=mass, masses=masses)
         made = {walk: _noted(make(walk, one), note) for walk in made}
-    trials, model_notes, scaled = _one_model(list(made.values()), options)
+    trials, model_notes, scaling = _one_model(list(made.values()), options, progress)
     items, names = [], []
     for trial, walk, name in zip(trials, made, walk_names(list(made)), strict=True):
         person = with_files(options.person, standing, trials[0].recording)[0]
@@ -95,7 +102,7 @@ def import_walks(files: FileSet, options: ImportOptions, *, progress: Callable[[
         beside = say("import", "forces_beside", forces=forces.name, walk=walk.name) if forces in files.beside else []
         try:
             check_mass(trial, file=walk)
-            notes = tuple(dict.fromkeys((*beside, *model_notes, *trial.notes)))
+            notes = tuple(dict.fromkeys((*beside, *model_notes, *scaling, *trial.notes)))
             items.append(examine(dataclasses.replace(trial, notes=notes), cutoff_hz=options.cutoff_hz,
                                  stated=_statements(trials[0], standing, person),
                                  belt_speed_m_per_s=options.belt_speed_m_per_s))
@@ -110,7 +117,7 @@ def import_walks(files: FileSet, options: ImportOptions, *, progress: Callable[[
     read = dict.fromkeys((files.standing, files.standing_forces, *files.walks, *files.forces))
     hashes = {str(path): sha256(path) for path in read if path is not None and path.is_file()}
     return ImportedWalks(tuple(items), tuple(names), {str(path): str(error) for path, error in failures.items()},
-                         scaled, hashes)
+                         options.scale_prosthesis, tuple(scaling), hashes)
 
 
 def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:
@@ -123,19 +130,43 @@ def _fulcrums(options: ImportOptions, walks: int) -> tuple[float, ...]:
                  for position in (stated if len(stated) == walks else stated * walks))
 
 
-def _one_model(trials: list[Trial], options: ImportOptions) -> tuple[list[Trial], list[str], bool]:
+def _one_model(trials: list[Trial], options: ImportOptions, progress: Callable[[str, float], None] | None
+               ) -> tuple[list[Trial], list[str], list[str]]:
+    """The trials with the model that they share, notes on it, and what scaling the foot changes where it matters."""
     notes = [] if options.fulcrum_mm else say("import", "mid_range", fulcrum_m=MID_FULCRUM_M)
     calibration = trials[0].calibration if trials else None
-    if not options.scale_prosthesis or calibration is None:
-        return trials, notes, False
-    model = trials[0].model
+    if calibration is None:
+        return trials, notes, []
+    own = trials[0].model.foot.length_m
     length = calibration.lengths_m[f"foot_{trials[0].subject.prosthetic_side}"]
-    ratio = length / model.foot.length_m  # of the thickness too: as stiff with the fulcrum at the same part (a choice)
-    model = dataclasses.replace(model, foot=scale_foot(model.foot, length=ratio, thickness=ratio))
-    moved = [dataclasses.replace(trial, model=model, fulcrum_m=check_fulcrum(
+    effect: list[str] = []
+    if abs(length / own - 1.0) > SAME_FOOT:
+        if progress:
+            progress("walking with a foot as long as the recorded one", 0.9)
+        effect = _scaling_effect(trials[0], length / own, options)
+    if not options.scale_prosthesis:
+        return trials, notes, effect
+    scaled = [_scaled(trial, length / own, options) for trial in trials]
+    return scaled, notes + say("import", "scaled", length_m=length, ratio=length / own), effect
+
+
+def _scaled(trial: Trial, ratio: float, options: ImportOptions) -> Trial:
+    """With a foot `ratio` times as long, and its keel as much thicker: as stiff with the fulcrum at the same part (a
+    choice)."""
+    model = dataclasses.replace(trial.model, foot=scale_foot(trial.model.foot, length=ratio, thickness=ratio))
+    return dataclasses.replace(trial, model=model, fulcrum_m=check_fulcrum(
         trial.fulcrum_m * (1.0 if options.fulcrum_mm else ratio), model.foot, where="--fulcrum-mm"))
-        for trial in trials]
-    return moved, notes + say("import", "scaled", length_m=length, ratio=ratio), True
+
+
+def _scaling_effect(trial: Trial, ratio: float, options: ImportOptions) -> list[str]:
+    """What a foot `ratio` times as long changes of a walk's errors, the offsets fitted to its plate each time."""
+    try:
+        pair = trial, _scaled(trial, ratio, options)
+        errors = [walk_metrics(walk_trial(each, with_fit=True, step_s=STEP_S).result, each.prosthetic_plate)
+                  for each in pair]
+    except VsfError as error:
+        return say("import", "scaling_unknown", error=error)
+    return say("import", "scaling", walk=trial.path.name, errors=errors, scaled=options.scale_prosthesis)
 
 
 def scale_foot(foot: FootParameters, *, length: float = 1.0, thickness: float = 1.0) -> FootParameters:

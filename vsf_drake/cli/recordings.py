@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsf_drake.analysis.recording import EXPECTED
+from vsf_drake.analysis.recording import EXPECTED, motion_checks
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, OptionalOut, Out, Trials, app, path, progress, read_trials
 from vsf_drake.errors import InputError, require
@@ -50,7 +50,8 @@ def import_trials(
     already_filtered: Annotated[bool, typer.Option("--already-filtered", help="Do not filter them again.")] = False,
     longest_gap_s: Annotated[float, typer.Option(help="Longest gap of a marker to fill.")] = 0.1,
     window: Annotated[tuple[float, float] | None, typer.Option(
-        metavar="START END", help="Part of the walks to use, in s.")] = None,
+        metavar="START END", help="Part of the walks to use, in s. Default: the prosthetic foot's stances on "
+        "plates and 0.3 s around them.")] = None,
     belt_speed_m_per_s: Annotated[float, typer.Option(help="Of a treadmill; + when the belt runs backward.")] = 0.0,
     scale_prosthesis: Annotated[bool, typer.Option(
         "--scale-prosthesis", help="Make the model's prosthetic foot as long as the recorded one.")] = False,
@@ -93,7 +94,7 @@ def import_trials(
         imported = import_walks(gather(files[0], files[1:], forces or ()), options, progress=show)
         show("writing the report", 0.95)
         write_import(imported, out)
-    _finish(IMPORT.kind, imported.items, imported.failures, out)
+    _finish(IMPORT.kind, imported.items, imported.failures, out, more=imported.scaling)
 
 
 @app.command()
@@ -123,9 +124,10 @@ def check(trials: Trials, out: Out, contact: Contact = None) -> None:
     _finish(CHECK.kind, items, failures, out)
 
 
-def _finish(kind: str, items: Sequence[Examined], failures: Mapping[str, str], out: Path) -> None:
+def _finish(kind: str, items: Sequence[Examined], failures: Mapping[str, str], out: Path, more: Sequence[str] = ()
+            ) -> None:
     """Says how good each trial is and which files could not be used; exit code 2 if there are any of these."""
-    cli.print_text("recordings", items=items, expected=EXPECTED)
+    cli.print_text("recordings", items=items, expected=EXPECTED, to_do=motion_checks.TO_DO, more=more)
     cli.say(f"written to {out}; read {kind}.html first")
     for file, why in failures.items():
         cli.fail(why if file in why else f"{file}: {why}")

@@ -105,6 +105,7 @@ class TrialOptions:
     longest_gap_s: float = LONGEST_GAP_S  # see `fill_gaps`
     plate_sides: Mapping[str, str | None] | None = None  # plate names by side, where the user says which is which foot
     window: Window | None = None
+    around_stances_s: float | None = None  # without a window: so much around the prosthetic foot's stances; None: all
     belt_speed_m_per_s: float = 0.0  # + when the treadmill's belt runs backward
 
 
@@ -238,7 +239,8 @@ def trial_from_recordings(
     trajectory = dataclasses.replace(tracked, values=values).trajectory(person_coordinates(side), source=str(walk.path))
     trajectory, plates, belt_notes = on_the_belt(trajectory, assignment.plates,
                                                  speed_m_per_s=options.belt_speed_m_per_s)
-    span, window_notes = trial_window(path, options.window, trajectory, plates, subject, assignment.unmeasured)
+    span, window_notes = trial_window(path, options.window, trajectory, plates, subject, assignment.unmeasured,
+                                      around_stances_s=options.around_stances_s)
     notes = list(dict.fromkeys([*notes, *stated_notes, *tracked.notes, *assignment.notes])) + reach_notes
     notes += say("trial", "no_plates", sides=[s for s in SIDES if s not in plates], alone=True)
     return Trial(path=path, name=path.stem, subject=subject, synthetic=False, fulcrum_m=fulcrum_m, start_s=span[0],
@@ -389,12 +391,13 @@ BACKWARD_M_PER_S = -0.3
 
 def trial_window(
     path: Path, requested: Window | None, trajectory: CoordinateTrajectory, plates: dict[str, PlateRecording],
-    subject: Subject, unmeasured: Mapping[str, Sequence[Span]] | None = None
+    subject: Subject, unmeasured: Mapping[str, Sequence[Span]] | None = None, *, around_stances_s: float | None = None
 ) -> tuple[Span, list[str]]:
     """The window of a trial (s), and notes on it and on the stances in it; `path` is the manifest, for messages.
 
     Without a requested window, the stretch between the `unmeasured` ones of the prosthetic foot that holds most of its
-    stances is taken; a requested one is kept. Refused where window, kinematics and forces do not overlap, or the
+    stances is taken, and of that what is within `around_stances_s` of them, if it is given; a requested one is kept.
+    Refused where window, kinematics and forces do not overlap, or the
     prosthetic foot has hardly any load or less than 0.15 s of a stance, or the window is shorter than a stance.
     """
     side = subject.prosthetic_side
@@ -402,6 +405,12 @@ def trial_window(
     record = float(plate.time_s[0]), float(plate.time_s[-1])
     window, notes = _choose_window(requested, (trajectory.start_s, trajectory.end_s), record, path,
                                    (unmeasured or {}).get(side, ()), stances[side])
+    carried = [s for s in stances[side] if common((s.start_s, s.end_s), window)]
+    if requested is None and around_stances_s is not None and carried:
+        near = common(window, (round(carried[0].start_s - around_stances_s, 3),
+                               round(carried[-1].end_s + around_stances_s, 3))) or window
+        notes += say("trial", "trimmed", window=window, near=near, around_s=around_stances_s) if near != window else []
+        window = near
     _check_stances(window, plate, stances[side], side, subject.mass_kg, path)
     for s in sorted(plates, key=lambda s: s != side):
         in_window = [((c.start_s, c.end_s), [end for end, seen in (

@@ -13,6 +13,7 @@ from vsf_drake.analysis.recording import foot as feet_of
 from vsf_drake.analysis.recording.foot import FootMotion, flat_phase, model_motion
 from vsf_drake.motion.events import Stance, find_stances, kinematic_stances, walking_direction
 from vsf_drake.motion.formats.recording import SIDES, os_to_world
+from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
 from vsf_drake.motion.markers.posture import NOTE
 from vsf_drake.motion.markers.segments import FootTrack, TrackedMotion
 from vsf_drake.motion.trajectory import CoordinateTrajectory
@@ -70,6 +71,11 @@ def examine(trial: Trial, *, cutoff_hz: float | None = 6.0, belt_speed_m_per_s: 
         foot, plate, felt = feet[side], trial.plates.get(side), _within(trial, measured.get(side, []))
         cop = _at(foot.time_s, plate.time_s, plate.cop_W) if plate is not None and plate.has_cop else None
         checks += force_checks.foot_checks(foot, stances[side], cop, usual_s=usual)
+        if foot.prosthetic:
+            checks += [force_checks.sole_roll(foot, rows, model_feet[side], number, seen=trial.tracked is not None,
+                                              inversion_rad=trial.subject.prosthesis_inversion_rad)
+                       for number, stance in enumerate(stances[side], start=1)
+                       if (rows := flat_phase(foot, stance, usual_s=usual)) is not None]
         checks += [force_checks.clearance(model_feet[side], stances[side]),
                    force_checks.touch_down(model_feet[side], felt),
                    force_checks.depth(model_feet[side], felt, mass_kg=trial.subject.mass_kg, fulcrum_m=trial.fulcrum_m)]
@@ -109,9 +115,11 @@ def _tracked(
 ) -> tuple[dict[str, FootMotion], CoordinateTrajectory]:
     """Seen from the belt: feet, and the body's centre of mass with the pelvis, where their own markers show them."""
     shift = np.outer(belt_m_per_s * tracked.time_s, [1.0, 0.0, 0.0])
+    R_W, _ = orientations_of(tracked.values[:, [tracked.names.index(name) for name in COORDINATES]])
     feet = {side: FootMotion(side, tracked.time_s, heel_W=track.heel_W + shift, toe_W=track.toe_W + shift,
                              ankle_W=track.ankle_W + shift, prosthetic=side == trial.subject.prosthetic_side,
-                             lowest_m=np.minimum(track.heel_W[:, 2], track.toe_W[:, 2]))
+                             lowest_m=np.minimum(track.heel_W[:, 2], track.toe_W[:, 2]),
+                             left_W=R_W[f"foot_{side}"][:, :, 1])
             for side, track in tracked.feet.items()}
     motion = tracked.trajectory(trial.trajectory.names, source=trial.trajectory.source)
     motion, _, _ = on_the_belt(motion, {}, speed_m_per_s=belt_m_per_s)
@@ -177,9 +185,21 @@ def _angles(trial: Trial, pelvis: np.ndarray) -> list[Check | None]:
     speed = np.linalg.norm(np.gradient(pelvis[:, :2], motion.time_s, axis=0), axis=1)
     standing = None if trial.calibration is None else trial.calibration.angles_rad
     intact = next(side for side in SIDES if side != trial.subject.prosthetic_side)
-    return [motion_checks.zeroed(angles, standing, speed), motion_checks.ankle_offset(angles, intact),
+    return [motion_checks.zeroed(angles, standing, speed), motion_checks.zero_mean(angles),
+            motion_checks.ankle_offset(angles, intact), _foot_length(trial),
             *(motion_checks.knee_axis(angles, side) for side in SIDES),
             motion_checks.smoothness(motion.time_s, angles), *motion_checks.walking(motion.time_s, pelvis)]
+
+
+def _foot_length(trial: Trial) -> Check | None:
+    """The length of the prosthetic foot, or where only that is known of the intact one, against the model's."""
+    if trial.calibration is not None:
+        recorded = trial.calibration.lengths_m[f"foot_{trial.subject.prosthetic_side}"]
+    elif trial.subject.foot_length_m is not None:
+        recorded = trial.subject.foot_length_m
+    else:
+        return None
+    return motion_checks.foot_length(recorded, trial.model.foot.length_m, intact=trial.calibration is None)
 
 
 def _markers(trial: Trial, cutoff_hz: float | None) -> list[Check | None]:

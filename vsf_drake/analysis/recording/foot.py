@@ -39,6 +39,14 @@ class FootMotion:
     lowest_m: np.ndarray  # (n,) height of the foot's lowest point
     prosthetic: bool = False
     undeformed: bool = False
+    left_W: np.ndarray | None = None  # (n, 3) unit vectors across the sole, to the left; None where it is not known
+
+    @property
+    def roll_rad(self) -> np.ndarray | None:
+        """(n,) angle of the sole against the floor about the foot's length, inversion (medial edge up) +."""
+        if self.left_W is None:
+            return None
+        return np.asarray((1.0 if self.side == "right" else -1.0) * np.arcsin(self.left_W[:, 2]))
 
     @property
     def pitch_rad(self) -> np.ndarray:
@@ -161,7 +169,7 @@ def model_motion(
         place = np.einsum("nkij,kj->nki", X[..., :3], p_BP) + X[..., 3]
         feet[side] = FootMotion(side, motion.time_s, heel_W=place[:, 0], toe_W=place[:, 1], ankle_W=place[:, 2],
                                 lowest_m=(place[:, 3:, 2] - radius).min(axis=1), prosthetic=side == prosthetic,
-                                undeformed=side == prosthetic)
+                                undeformed=side == prosthetic, left_W=X[:, 0, :, 1])
     return feet, CoordinateTrajectory(motion.time_s, centre, ("x", "y", "z"), source=motion.source)
 
 

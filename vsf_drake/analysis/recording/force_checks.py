@@ -167,6 +167,11 @@ def shear(plate: PlateRecording, body_W: np.ndarray, side: str) -> Check | None:
 ANGLE_DEG = (GOOD_BW / ALIGNMENT_BW_PER_DEG, 8.0)  # sole at foot-flat; the offsets' fit takes it out
 ROLLING_DEG = (5.0, 8.0)
 """The same for a rigid prosthetic foot under a shank that turns by about 10 degrees in mid-stance. Choices."""
+ROLL_DEG = (3.0, 15.0)
+"""Roll of the prosthetic sole at foot-flat. 1 degree of inversion moves the model's centre of pressure laterally by 0.7
+to 1.7 mm (measured, four synthetic walks): 3 degrees by 2 % of a foot's length at most. A sole at the second does not
+stand (a choice)."""
+ROLL_MM_PER_DEG = (0.7, 1.7)
 HEIGHT_MM = (5.0, 50.0)
 """Height of the flat sole. The first is a choice: shoes give and skin moves by that much; the second is the fit's prior
 (1 mm costs 3 % body weight before, nothing after the fit of the offsets)."""
@@ -225,6 +230,22 @@ def sole_angle(foot: FootMotion, rows: np.ndarray, number: int | None = None) ->
     limits = ROLLING_DEG if foot.undeformed else _limits(foot, ANGLE_DEG, DOUBTFUL_BW / ALIGNMENT_BW_PER_DEG)
     return _of(foot, "sole_angle", "sole angle at foot-flat", grade(angle, *limits), angle, "deg", stance=number,
                share=ALIGNMENT_BW_PER_DEG * abs(angle))
+
+
+def sole_roll(foot: FootMotion, rows: np.ndarray, model_foot: FootMotion, number: int | None = None, *, seen: bool,
+              inversion_rad: float | None) -> Check | None:
+    """Mean roll of the prosthetic sole against the floor at foot-flat, as recorded (`seen` by markers) and as the
+    model's foot, which is inverted against its pylon by `inversion_rad` (None: not stated); the larger counts. None
+    where it is not known."""
+    if foot.roll_rad is None or model_foot.roll_rad is None:
+        return None
+    recorded = float(np.degrees(np.mean(foot.roll_rad[rows])))
+    model = float(np.degrees(np.mean(np.interp(foot.time_s[rows], model_foot.time_s, model_foot.roll_rad))))
+    value = max((recorded, model), key=abs)
+    level_rad = (inversion_rad or 0.0) - np.radians(model)
+    return _of(foot, "sole_roll", "sole roll at foot-flat", grade(value, *ROLL_DEG), value, "deg", stance=number,
+               recorded=recorded, model=model, seen=seen, stated=inversion_rad, level_rad=level_rad,
+               shift_mm=[abs(value) * each for each in ROLL_MM_PER_DEG])
 
 
 def drift(foot: FootMotion, rows: np.ndarray, number: int | None = None) -> Check:

@@ -15,12 +15,18 @@ HIP_BW_PER_DEG = 0.075
 MAIN = ("pelvis_tilt", "hip_flexion_r", "hip_flexion_l", "knee_angle_r", "knee_angle_l", "ankle_angle_r",
         "ankle_angle_l")
 """The sagittal angles, none of which is zero in a standing person."""
+ZERO_MEAN, FOOT_LENGTH = "angles zeroed at the walk's mean", "length of the foot"
+TO_DO = (ZERO_MEAN, FOOT_LENGTH)
+"""Names of checks that say what to do of all walks alike: commands print their sentences, once."""
 EXACT_RAD = 1e-9
 ZERO_DEG = 0.3  # standing angles this close to zero, all of them, are not a person's but a subtraction's (a choice)
 FEWEST_ANGLES = 3
 ZEROED_TILT_DEG, ZEROED_HIP_DEG = 2.0, 8.0
 """Pelvic tilt is about 11-12 degrees forward in walking and in standing, and mean hip flexion about 18 (Schwartz 2008,
 means); zeroed at standing they become about 0 and 3-6."""
+MEAN_DEG, MOVES_DEG = 0.01, 2.0
+"""An angle of a leg that moves by more than the second and whose mean over the recording is below the first had that
+mean subtracted: means of recorded and of synthetic walks that were not are 0.02 degrees and more (choices)."""
 ANKLE_DEG = 20.0
 AXIS_DEG = 10.0  # turn of a knee's axis beyond its own coupling of motions, some 5 degrees, and skin (a choice)
 LEAST_FLEXION_DEG = 30.0  # a knee that bends less does not show its axis (a choice)
@@ -42,6 +48,7 @@ OpenSim's guide, half of it a choice: 1.4 degrees over 0.4 m); how far each segm
 10 to 15 mm, and skin moves). The latter two are choices."""
 GAP_S = (0.1, 0.2)  # longest gap filled without markers of the same segment; the first is the default limit of filling
 BY_CLUSTER_S = (1.0, float("inf"))  # where the segment's other markers say where it was
+SAME_FOOT = 0.05  # difference of the recorded and the model's foot length, as a share of the model's (a choice)
 SAME_LENGTH = (0.03, 0.08)
 """Difference of two legs' lengths as a share: people differ by 1 %, joint centres are known to 2 % (choices)."""
 SMOOTH_M = 2e-5
@@ -81,6 +88,22 @@ def zeroed(angles_rad: Mapping[str, np.ndarray], standing_rad: Mapping[str, floa
     hips = [float(np.degrees(np.mean(known[key]))) for key in ("hip_flexion_r", "hip_flexion_l") if key in known]
     near_zero = abs(tilt) < ZEROED_TILT_DEG and hips and max(map(abs, hips)) < ZEROED_HIP_DEG
     return judged("doubtful" if near_zero else "good", tilt, hips=hips)
+
+
+def zero_mean(angles_rad: Mapping[str, np.ndarray]) -> Check:
+    """Whether angles of the legs (n,), by coordinate, have had their mean over the recording subtracted."""
+    means = {name: abs(float(np.degrees(np.mean(values)))) for name, values in angles_rad.items()
+             if not name.startswith("pelvis") and np.degrees(np.ptp(values)) > MOVES_DEG}
+    names = [name for name, mean in means.items() if mean < MEAN_DEG]
+    return checked("zero_mean", ZERO_MEAN, "doubtful" if names else "good", float(len(names)),
+                   "1", names=names)
+
+
+def foot_length(recorded_m: float, model_m: float, *, intact: bool) -> Check:
+    """The length of the recorded prosthetic foot, or of the `intact` one for want of it, against the model's."""
+    value = recorded_m / model_m - 1.0
+    return checked("foot_length", FOOT_LENGTH, "good" if abs(value) <= SAME_FOOT else "doubtful", value, "1",
+                   recorded=recorded_m, model=model_m, intact=intact)
 
 
 def ankle_offset(angles_rad: Mapping[str, np.ndarray], intact_side: str) -> Check | None:
