@@ -90,14 +90,14 @@ def both_devices(stored: dict[str, Any]) -> Numbers:
 def fitted_session(stored: dict[str, Any]) -> Numbers:
     """The fitted values of the first person on a trial of the same day that was held out."""
     case = session_fit.CASES[0]
-    pair, fit = stored["fits"][case.name], session_fit.fit_of(case, session_fit.DATA)
+    pair, fit = stored["cases"][case.name], session_fit.fit_of(case, session_fit.DATA)
     held = session_fit.read(session_fit.DATA, case, "medium_2")
     comparison, result, _, _ = fit.terms_of(held, None).walk(
         fit.parameters.u(pair["values"]), step_s=ContactFitOptions().report_step_s)
     found = vars(walk_metrics(result, held.prosthetic_plate, comparison=comparison))
     of = pair["trials"][session_fit.path_in(session_fit.DATA, held)]
     for key in ("grf_rmse_bw", "fore_aft_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl"):
-        yield f"{case.name} medium_2 {key}", found[key], of[key]
+        yield f"{case.name} medium_2 {key}", found[key], of["layers"]["physics"][key]
 
 
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {

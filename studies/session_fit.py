@@ -3,8 +3,11 @@
 Per person one fit of the softest and the stiffest first trial at 1.1 m/s with the person's own bench curves, nothing
 else told: judged by all other trials of the session, by the other speeds where they have been made (--data), and for A
 by the session of another day, measured anew. The passive foot of C is fitted to two trials of three without a bench.
-Beside each error stand the null model (the measured curve of a fitted trial, stretched) and the floors of
-data/sessions/README.md. The results are in studies/results/session_fit.json; finished fits are kept beside the figures
+Every trial is predicted in three layers (physics, the person's own momentum, the fitted trials' discrepancy), the
+held-out ones of the session also with errors of hip and knee of their own. Beside each error stand the null model (the
+measured curve of a fitted trial, stretched to the measured times of stance, or to those that the physics predicts) and
+the floors of data/sessions/README.md. `third_person` has C's means by the layer that C's held-out trials earn, and by
+each. The results are in studies/results/session_fit.json; finished fits are kept beside the figures
 of the other study until the data or the sources change. About two minutes a fit.
 """
 
@@ -14,9 +17,9 @@ import argparse
 import csv
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -31,13 +34,13 @@ from floor_of_the_reference_subject import NOMINAL, RESULTS, hashes
 from make_reference_subject import DATA as REFERENCE
 from make_sessions import DATA, EMBEDDED
 
-from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, assess, solve
-from vsf_drake.analysis.contact_fit.solution import ContactFitSolution
-from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
+from vsf_drake.analysis.contact_fit.assessment import HELD_OUT
+from vsf_drake.analysis.prediction import LAYERS, LayerScore, TrialLayers, layers_of
 from vsf_drake.analysis.validation.bench_lines import load_measured_bench
+from vsf_drake.contact_file import FittedContact
 from vsf_drake.errors import FitError, SimulationError
-from vsf_drake.files import sha256, write_json
+from vsf_drake.files import plain, sha256, write_json
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
@@ -46,8 +49,9 @@ from vsf_drake.simulation.walk import Walker
 
 PARTS = Path("results/session_fit")
 SEED = 0
-METRICS = ("grf_rmse_bw", "null_model_grf_rmse_bw", "vertical_rmse_bw", "fore_aft_rmse_bw", "medio_lateral_rmse_bw",
-           "cop_rmse_fl", "cop_ml_rmse_fl")
+NULLS = ("null_model_grf_rmse_bw", "null_model_predicted_times_grf_rmse_bw")
+SCORES = tuple(field.name for field in fields(LayerScore))
+THIRD = "c_day_1"
 QUICK = {"starts": 1, "tolerance": 0.01, "step_s": 8e-3, "report_step_s": 8e-3}
 FITTED, SAME, UNSEEN, SPEED, DAY = "fitted", "same setting", "unseen setting", "another speed", "another day"
 FLOORS = ("floor_bw", "own_floor_bw")
@@ -101,8 +105,10 @@ def main() -> None:
     for part in found:
         inputs |= part.pop("inputs")
     write_json(out / "session_fit.json", {
-        "synthetic": True, "definitions": __doc__, "seen_on_people": SEEN_ON_PEOPLE, "fits": fits,
-        "provenance": {**provenance(inputs, SEED), "sources": made_by("session_fit.py")}})
+        "synthetic": True, "definitions": __doc__, "seen_on_people": SEEN_ON_PEOPLE, "fits": len(fits),
+        "converged": sum(part["converged"] for part in fits.values()),
+        "third_person": third_person(fits.get(THIRD, {})),
+        "cases": fits, "provenance": {**provenance(inputs, SEED), "sources": made_by("session_fit.py")}})
     print(text_table(fits))
 
 
@@ -132,17 +138,23 @@ def run(case: Case, data: Path, quick: bool) -> dict[str, Any]:
         solution = solve(problem)
         if not solution.success:
             return {**told, "converged": False, "ended": solution.message}
-        judged = assess(solution, here, sweep=False, leave_out=False, angle_errors=False)
+        judged = assess(solution, here, sweep=False, leave_out=False, angle_errors=not quick)
+        assert judged.layers is not None
+        contact, step_s = judged.layers.teach(solution.contact()), problem.options.report_step_s
+        walkers = {trial.subject: walker_of(trial, contact) for trial in own if trial not in here}
+        layers = [*judged.layers.trials, *(
+            layers_of(trial, path_in(data, trial), contact, walker=walkers[trial.subject], step_s=step_s)
+            for trial in own if trial not in here)]
     except (FitError, SimulationError) as error:
         return {**told, "converged": False, "ended": str(error)}
-    metrics = [score.metrics for score in judged.scores] + [
-        walked(solution, trial) for trial in own if trial not in here]
     every = [*problem.trials, *here, *(trial for trial in own if trial not in here)]
-    trials = {path_in(data, trial): row(case, data, trial, found)
-              for trial, found in zip(every, metrics, strict=True)}
+    trials = {path_in(data, trial): row(case, data, trial, found) for trial, found in zip(every, layers, strict=True)}
     return {**told, "converged": True, "ended": solution.message, "wall_s": solution.wall_s,
             "values": solution.values, "bench_rmse_n_per_mm": judged.bench and judged.bench.stiffness
-            and judged.bench.stiffness.rmse, "trials": trials, "mean": means(trials)}
+            and judged.bench.stiffness.rmse, "trials": trials, "mean": means(trials), "earned": judged.layers.earned,
+            "momentum": plain(contact.momentum), "angle_errors": plain(judged.angle_errors),
+            "discrepancy": contact.discrepancy and {name: getattr(contact.discrepancy, name)
+                                                    for name in ("shared", "own")}}
 
 
 def fit_of(case: Case, data: Path, quick: bool = False) -> ContactFit:
@@ -152,17 +164,10 @@ def fit_of(case: Case, data: Path, quick: bool = False) -> ContactFit:
                       options=ContactFitOptions(seed=SEED, **(QUICK if quick else {})))
 
 
-def walked(solution: ContactFitSolution, trial: Trial) -> WalkMetrics:
-    """A trial of another day, whose person was measured anew, with the fitted contact."""
-    fitted = trial_with(trial, solution.contact())
-    walker, step_s = Walker(fitted.subject, fitted.model), solution.fit.options.report_step_s
-    walk = walker.walk(fitted.trajectory, fulcrum_m=fitted.fulcrum_m, start_s=fitted.start_s, end_s=fitted.end_s,
-                       offsets=fitted.offsets, step_s=step_s)
-    result = walker.result(walk, fitted, fitted.offsets, energy=False)
-    comparison = compare(result, trial.prosthetic_plate)
-    nulls = [stance_curve(one.prosthetic_plate, subject_mass_kg=one.subject.mass_kg) for one in solution.fit.trials]
-    return min((walk_metrics(result, trial.prosthetic_plate, comparison=comparison, null_curve=curve)
-                for curve in nulls if curve is not None), key=lambda found: found.null_model_grf_rmse_bw or 0.0)
+def walker_of(trial: Trial, contact: FittedContact) -> Walker:
+    """Of a person who was measured anew, with the fitted contact."""
+    fitted = trial_with(trial, contact)
+    return Walker(fitted.subject, fitted.model)
 
 
 def judging(case: Case, data: Path) -> list[Trial]:
@@ -182,14 +187,15 @@ def path_in(data: Path, trial: Trial) -> str:
     return trial.path.resolve().relative_to(data.resolve()).with_suffix("").as_posix()
 
 
-def row(case: Case, data: Path, trial: Trial, metrics: WalkMetrics) -> dict[str, Any]:
+def row(case: Case, data: Path, trial: Trial, found: TrialLayers) -> dict[str, Any]:
     """A trial's numbers, and what it is to the fit."""
     path = path_in(data, trial)
     person_day, speed, name = path.rsplit("/", 2)
     role = (DAY if person_day != case.session else SPEED if speed != EMBEDDED else FITTED if name in case.fitted
             else SAME if name[:-1] in {one[:-1] for one in case.fitted} else UNSEEN)
     return {"role": role, "fulcrum_mm": round(1e3 * trial.fulcrum_m, 6),
-            **{name: getattr(metrics, name) for name in METRICS}, **floors(data).get(path, {})}
+            "layers": plain(found.layers), "correction": plain(found.correction),
+            **{name: getattr(found, name) for name in NULLS}, **floors(data).get(path, {})}
 
 
 @cache
@@ -200,32 +206,61 @@ def floors(data: Path) -> dict[str, dict[str, float]]:
         return {row["trial"]: {name: float(row[name]) for name in FLOORS} for row in rows}
 
 
-def means(trials: dict[str, dict[str, Any]]) -> dict[str, dict[str, float]]:
+def means(trials: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """By role, and over all that were held out on this day at this speed ("held out")."""
     roles: dict[str, Sequence[str]] = {role: (role,) for role in (FITTED, SAME, UNSEEN, SPEED, DAY)}
     found = {}
-    for name, of in {**roles, "held out": (SAME, UNSEEN)}.items():
+    for name, of in {**roles, HELD_OUT: (SAME, UNSEEN)}.items():
         rows = [row for row in trials.values() if row["role"] in of]
         if rows:
-            found[name] = {"n": len(rows), **{
-                key: float(np.mean(known)) for key in (*METRICS, *FLOORS)
-                if (known := [row[key] for row in rows if row.get(key) is not None])},
-                "beats_null": sum(row["grf_rmse_bw"] < row["null_model_grf_rmse_bw"] for row in rows
-                                  if row["null_model_grf_rmse_bw"] is not None)}
+            layers = {layer: {
+                **{key: mean_of(row["layers"][layer][key] for row in rows) for key in SCORES},
+                "beats_null": sum(row["layers"][layer]["grf_rmse_bw"] < row[NULLS[0]] for row in rows
+                                  if row[NULLS[0]] is not None)} for layer in LAYERS}
+            found[name] = {"n": len(rows), "layers": layers,
+                           **{key: mean_of(row.get(key) for row in rows) for key in (*NULLS, *FLOORS)}}
     return found
+
+
+def mean_of(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def third_person(part: dict[str, Any]) -> dict[str, Any] | None:
+    """What the person has on whom nothing was chosen, by the layer that the held-out trials earn and by each; None of
+    one without a fit."""
+    mean = part.get("mean")
+    if not mean:
+        return None
+    layers = {layer: {
+        "fitted_grf_rmse_bw": mean[FITTED]["layers"][layer]["grf_rmse_bw"],
+        "held_out_same_setting_grf_rmse_bw": mean[SAME]["layers"][layer]["grf_rmse_bw"],
+        "held_out_unseen_setting_grf_rmse_bw": mean[UNSEEN]["layers"][layer]["grf_rmse_bw"],
+        "null_model_grf_rmse_bw": mean[HELD_OUT][NULLS[0]],
+        "null_model_predicted_times_grf_rmse_bw": mean[HELD_OUT][NULLS[1]],
+        "held_out_fore_aft_rmse_bw": mean[HELD_OUT]["layers"][layer]["fore_aft_rmse_bw"],
+        "held_out_cop_rmse_fl": mean[HELD_OUT]["layers"][layer]["cop_rmse_fl"],
+        "held_out_cop_lateral_rmse_fl": mean[HELD_OUT]["layers"][layer]["cop_ml_rmse_fl"],
+        "held_out_beats_null": mean[HELD_OUT]["layers"][layer]["beats_null"],
+        "held_out": mean[HELD_OUT]["n"]} for layer in LAYERS}
+    return {"layer": part["earned"], **layers[part["earned"]], "layers": layers,
+            "angle_errors": [row for row in part["angle_errors"] if row["role"] == HELD_OUT]}
 
 
 def text_table(fits: dict[str, dict[str, Any]]) -> str:
     """Lines for the screen: % body weight, centre of pressure % foot length."""
-    columns = {"grf_rmse_bw": "error", "null_model_grf_rmse_bw": "null", "own_floor_bw": "own floor",
-               "cop_rmse_fl": "CoP", "cop_ml_rmse_fl": "CoP lateral"}
-    lines = [f"{'fit':<18}{'judged by':<16}{'n':>4}{'beat null':>11}" + "".join(f"{t:>13}" for t in columns.values())]
+    heads = (*(f"+ {layer}" for layer in LAYERS), "null", "null, pred.", "own floor", "CoP", "CoP lateral")
+    lines = [f"{'fit':<18}{'judged by':<16}{'n':>4}" + "".join(f"{head:>15}" for head in heads)]
     for name, part in fits.items():
         if not part["converged"]:
             lines.append(f"{name:<18}FAILED: {part['ended']}")
         for role, mean in part.get("mean", {}).items():
-            lines.append(f"{name:<18}{role:<16}{mean['n']:>4}{mean['beats_null']:>11}" + "".join(
-                f"{100 * mean[key]:>13.1f}" if key in mean else f"{'-':>13}" for key in columns))
+            scores = mean["layers"]
+            numbers = [*(scores[layer]["grf_rmse_bw"] for layer in LAYERS), *(mean[key] for key in NULLS),
+                       mean["own_floor_bw"], *(scores[part["earned"] or LAYERS[0]][key] for key in SCORES[-2:])]
+            lines.append(f"{name:<18}{role:<16}{mean['n']:>4}" + "".join(
+                f"{'-':>15}" if number is None else f"{100 * number:>15.1f}" for number in numbers))
     return "\n".join(lines)
 
 

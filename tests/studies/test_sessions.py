@@ -54,6 +54,7 @@ def test_files_are_the_same_from_one_process_and_two_and_are_read_as_a_left_side
 
 
 def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(monkeypatch):
+    """Errors made up: 1 to 6 % body weight by physics, half of it with momentum; the null model 2.5."""
     case, data = session_fit.CASES[0], session_fit.DATA
     monkeypatch.setattr(session_fit, "floors", lambda folder: {})
     wanted = {"a/day_1/1p1/low_1": "fitted", "a/day_1/1p1/high_3": "same setting", "a/day_1/1p1/low_2": "same setting",
@@ -61,14 +62,21 @@ def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(mon
               "a/day_2/1p1/low_1": "another day"}
     rows = {}
     for i, path in enumerate(wanted):
-        metrics = SimpleNamespace(**dict.fromkeys(session_fit.METRICS, 0.01 * (i + 1)))
-        metrics.null_model_grf_rmse_bw = 0.025
-        rows[path] = session_fit.row(case, data, SimpleNamespace(path=data / f"{path}.yaml", fulcrum_m=0.066), metrics)
+        physics, better = ({key: share * 0.01 * (i + 1) for key in session_fit.SCORES} for share in (1.0, 0.5))
+        found = SimpleNamespace(layers={"physics": physics, "momentum": better, "discrepancy": better}, correction=None,
+                                null_model_grf_rmse_bw=0.025, null_model_predicted_times_grf_rmse_bw=0.03)
+        rows[path] = session_fit.row(case, data, SimpleNamespace(path=data / f"{path}.yaml", fulcrum_m=0.066), found)
     assert {path: row["role"] for path, row in rows.items()} == wanted
     found = session_fit.means(rows)
-    assert found["same setting"]["grf_rmse_bw"] == pytest.approx(0.025) and found["same setting"]["n"] == 2
-    assert found["held out"]["grf_rmse_bw"] == pytest.approx(0.03) and found["held out"]["beats_null"] == 1
-    assert found["another day"]["cop_ml_rmse_fl"] == pytest.approx(0.06)
+    same, held, day = (found[role]["layers"] for role in ("same setting", "held out", "another day"))
+    assert same["physics"]["grf_rmse_bw"] == pytest.approx(0.025) and found["same setting"]["n"] == 2
+    assert held["physics"]["grf_rmse_bw"] == pytest.approx(0.03) and held["physics"]["beats_null"] == 1
+    assert held["momentum"]["grf_rmse_bw"] == pytest.approx(0.015) and held["momentum"]["beats_null"] == 3
+    assert day["physics"]["cop_ml_rmse_fl"] == pytest.approx(0.06)
+    third = session_fit.third_person({"mean": found, "earned": "momentum", "angle_errors": []})
+    assert third["layer"] == "momentum" and third["held_out_unseen_setting_grf_rmse_bw"] == pytest.approx(0.02)
+    assert third["layers"]["physics"]["fitted_grf_rmse_bw"] == pytest.approx(0.01)
+    assert third["null_model_grf_rmse_bw"] == pytest.approx(0.025) and session_fit.third_person({"converged": False}) is None
 
 
 def test_what_is_embedded_says_what_it_is_and_is_small():
