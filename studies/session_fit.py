@@ -151,7 +151,9 @@ def run(case: Case, data: Path, quick: bool) -> dict[str, Any]:
     trials = {path_in(data, trial): row(case, data, trial, found) for trial, found in zip(every, layers, strict=True)}
     return {**told, "converged": True, "ended": solution.message, "wall_s": solution.wall_s,
             "values": solution.values, "bench_rmse_n_per_mm": judged.bench and judged.bench.stiffness
-            and judged.bench.stiffness.rmse, "trials": trials, "mean": means(trials), "earned": judged.layers.earned,
+            and judged.bench.stiffness.rmse, "trials": trials, "mean": means(trials),
+            "walked": {score.label: {key: getattr(score.metrics, key) for key in SCORES} for score in judged.scores},
+            "earned": judged.layers.earned,
             "momentum": plain(contact.momentum), "angle_errors": plain(judged.angle_errors),
             "discrepancy": contact.discrepancy and {name: getattr(contact.discrepancy, name)
                                                     for name in ("shared", "own")}}

@@ -76,7 +76,8 @@ def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(mon
     third = session_fit.third_person({"mean": found, "earned": "momentum", "angle_errors": []})
     assert third["layer"] == "momentum" and third["held_out_unseen_setting_grf_rmse_bw"] == pytest.approx(0.02)
     assert third["layers"]["physics"]["fitted_grf_rmse_bw"] == pytest.approx(0.01)
-    assert third["null_model_grf_rmse_bw"] == pytest.approx(0.025) and session_fit.third_person({"converged": False}) is None
+    assert third["null_model_grf_rmse_bw"] == pytest.approx(0.025)
+    assert session_fit.third_person({"converged": False}) is None
 
 
 def test_what_is_embedded_says_what_it_is_and_is_small():
