@@ -176,6 +176,19 @@ def test_freed_and_frozen_parameters_are_those_that_were_named(run, tmp_path, ba
     assert start["value"] == start["start"] and start["interval_95"] is None
 
 
+def test_a_held_out_trial_judged_at_a_height_of_its_own_says_so(run, tmp_path, bare, monkeypatch):
+    monkeypatch.setattr(fit_run, "assess", functools.partial(fit_run.assess, angle_errors=False, layers=False))
+    held = TRIAL.with_name("medium_2.yaml")
+    words = ("--freeze", "*", "--free", "offset.height", "--hold-out", held, "--held-out-height")
+    code, said, _ = run("fit", TRIAL, "--out", tmp_path / "fit", "--quick", *words)
+    assert code == 0
+    table = read_json(tmp_path / "fit" / "fit.json")
+    height = f"{1e3 * table['trials'][1]['own_height_m']:+.1f} mm"
+    assert table["trials"][0]["own_height_m"] is None and table["options"]["own_height"]
+    assert f"held out, own height {height}" in said.replace("\u00a0", " ")
+    assert any("no prediction" in sentence and height in sentence for sentence in table["verdict"])
+
+
 def test_the_papers_procedure_runs_and_resumes_to_the_same_end(run, tmp_path, monkeypatch, bare):
     """With few scenarios, ending as soon as it may."""
     monkeypatch.setattr(fit_run, "PaperOptions", functools.partial(

@@ -23,6 +23,7 @@ WORDS = [
     (("--freeze", "curve.*", "--free", "curve.*"), "curve.* is to be free and frozen"),
     (("--strategy", "papre"), "--strategy: 'papre' is no strategy"),
     (("--strategy", "paper", "--paths"), "--paths: is an option of the joint strategy"),
+    (("--held-out-height",), "--held-out-height: there is no held-out trial"),
     (("--quick", "--starts", "3"), "--starts: cannot go with --quick"),
     (("--solver", "simplex"), "solver: 'simplex' is not known. Known are: gauss_newton"),
     (("--resume",), "there is no interrupted fit to go on from"),

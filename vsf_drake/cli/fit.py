@@ -29,6 +29,8 @@ def fit(
     hold_out: Annotated[list[Path] | None, typer.Option(
         parser=path, metavar="TRIAL.yaml",
         help="A trial that judges the fit and is not fitted; repeat it for more.")] = None,
+    held_out_height: Annotated[bool, typer.Option(
+        "--held-out-height", help="Judge each held-out trial at a height that is fitted to its own plate.")] = False,
     strategy: Annotated[str, typer.Option(
         metavar="joint|paper", help="All trials at once with priors, or the paper's procedure.")] = JOINT,
     starts: Annotated[int | None, typer.Option(help="Searches from different starts.", min=1, show_default="5")] = None,
@@ -66,6 +68,8 @@ def fit(
     if strategy == PAPER and given:
         raise InputError("is an option of the joint strategy; the paper's procedure is fitted as it is written",
                          where=given[0], right="Leave it out")
+    if held_out_height and not hold_out:
+        raise InputError("there is no held-out trial", where="--held-out-height", right="Name one with --hold-out")
     if quick and starts not in (None, 1):
         raise InputError("cannot go with --quick, which searches once", where="--starts", right="Leave one of them out")
     for pattern in free or ():
@@ -81,7 +85,8 @@ def fit(
     task = make_task(
         [load_trial(file) for file in trials], [load_trial(file) for file in hold_out or ()], bench_file=bench,
         strategy=strategy, seed=seed, starts=starts, solver=solver, free=free or (), freeze=freeze or (),
-        resultant=resultant, cop=not no_cop, paths=paths, damping_by_zone=damping_by_zone, quick=quick)
+        resultant=resultant, cop=not no_cop, paths=paths, damping_by_zone=damping_by_zone, quick=quick,
+        own_height=held_out_height)
     synthetic = synthetic_of(task.table())
     if synthetic:
         say(f"SYNTHETIC, not recorded: {', '.join(synthetic)}.")

@@ -42,6 +42,7 @@ class FitTask:
     problem: ContactFit
     quick: bool
     held_out: Sequence[Trial]
+    own_height: bool  # whether held-out trials have heights that are fitted to their own plates
     options: Mapping[str, object]
     inputs: Mapping[str, str]
 
@@ -55,7 +56,7 @@ class FitTask:
 def make_task(
     trials: list[Trial], held_out: list[Trial], *, bench_file: Path | None, strategy: str, seed: int,
     starts: int | None, solver: str | None, free: Sequence[str], freeze: Sequence[str], resultant: bool, cop: bool,
-    paths: bool, damping_by_zone: bool, quick: bool
+    paths: bool, damping_by_zone: bool, quick: bool, own_height: bool = False
 ) -> FitTask:
     """What the command's options ask for, after making sure, before the long part, that all of it can be fitted."""
     bench = None if bench_file is None else load_measured_bench(bench_file)
@@ -83,9 +84,10 @@ def make_task(
                                      damping_by_zone=damping_by_zone, paths=paths)
     problem = ContactFit(trials, bench=bench, options=options, walker=walker,
                          parameters=with_frozen(parameters, free, freeze))
-    return FitTask(problem=problem, quick=quick, held_out=held_out,
+    return FitTask(problem=problem, quick=quick, held_out=held_out, own_height=own_height,
                    inputs={} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
-                   options={**asked, "quick": quick, "bench": None if bench_file is None else bench_file.name})
+                   options={**asked, "quick": quick, "own_height": own_height,
+                            "bench": None if bench_file is None else bench_file.name})
 
 
 class Checkpoint:
@@ -141,7 +143,7 @@ def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
             if not solution.success:
                 raise FitError(solution.message)
             judged = assess(solution, task.held_out, sweep=not task.quick, leave_out=not task.quick,
-                            progress=judging)
+                            own_height=task.own_height, progress=judging)
         except (FitError, SimulationError) as error:
             # of a good fit, its walks or its foot fail where it is judged
             good = solution is not None and solution.success

@@ -214,7 +214,8 @@ def trial_cells(trial: FitTrialRow) -> tuple[str, ...]:
     if score is None:
         return trial.label, trial.role, f"{trial.fulcrum_mm:g}"
     right = UNKNOWN if score.sweep is None else "yes" if score.sweep.right else "NO"
-    return (trial.label, trial.role.replace(" ", "\u00a0"), f"{trial.fulcrum_mm:g}",
+    own = "" if score.own_height_m is None else f", own height {1e3 * score.own_height_m:+.1f} mm"
+    return (trial.label, f"{trial.role}{own}".replace(" ", "\u00a0"), f"{trial.fulcrum_mm:g}",
             *(number(value(score), form, factor) for _, value, form, factor in _SCORES), right)
 
 

@@ -31,6 +31,7 @@ from vsf_drake.analysis.contact_fit.solve import Pair
 from vsf_drake.analysis.fulcrum_sweep import RIGHT_WITHIN_M, FulcrumSweep
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
 from vsf_drake.errors import FitError, SimulationError
+from vsf_drake.motion.formats.recording import PlateRecording
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +96,25 @@ def test_scores_are_the_metrics_of_fitted_and_held_out_trials_beside_the_best_nu
     assert found.left_out == () and found.bench is None
     alone = assess(Model(fit_walker, fitted[:1]), [fitted[1]], sweep=False, angle_errors=False, layers=False).scores
     assert alone[0].metrics.null_model_grf_rmse_bw is None and alone[1].metrics.null_model_grf_rmse_bw > 0.0
+
+
+@pytest.mark.parametrize("true_m", [0.0031, 0.0064])  # lower ones would strike once more in the window
+def test_the_own_height_of_a_held_out_trial_is_the_one_that_made_its_plate_and_is_said_to_be_no_prediction(
+        fit_walker, trials, true_m):
+    """The plate is the model's own force with the foot raised, in the finer step of the report."""
+    trial, model = trials["medium_1"], Model(fit_walker, [trials["low_1"]])
+    raised = replace(trial, offsets=replace(trial.offsets, height_m=trial.offsets.height_m + true_m))
+    _, made = model.predict(raised, None, step_s=1e-3)
+    plate = PlateRecording(made.time_s, made.grf_W, made.cop_W, np.zeros(len(made.time_s)), True)
+    seen = replace(trial, plates={trial.subject.prosthetic_side: plate})
+    known = {"sweep": False, "angle_errors": False, "layers": False, "leave_out": False}
+    own, bare = (assess(model, [seen], own_height=asked, **known).scores[1] for asked in (True, False))
+    assert own.own_height_m == pytest.approx(true_m, abs=2e-4) and bare.own_height_m is None
+    assert own.metrics.grf_rmse_bw < 0.005 and bare.metrics.grf_rmse_bw > 0.05
+    assert own.metrics.null_model_grf_rmse_bw == bare.metrics.null_model_grf_rmse_bw
+    said = words(None, own)
+    assert "no prediction" in said and f"medium_1 {1e3 * own.own_height_m:+.1f} mm." in said
+    assert "at the bound" in words(None, replace(own, own_height_m=-0.01)) and "no prediction" not in words(None, bare)
 
 
 # The sweep, of walks of which only the error is known: a function of the fulcrum's position.

@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from vsf_drake.analysis.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
 from vsf_drake.analysis.comparison import rmse
@@ -29,6 +30,7 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.sentences import say
 
 FITTED, HELD_OUT = "fitted", "held out"
+OWN_HEIGHT_M = 0.010  # within which a held-out trial's own height is looked for: 5 SD of a fitted trial's (its prior)
 NOISE_TOO_SMALL = 1.2
 """Residuals larger than this many times what was assumed mean that errors are told too small (a choice; with noise as
 assumed half of all series stay below 0.7, since the parameters take up some of it and swing has none)."""
@@ -66,6 +68,8 @@ class TrialScore:
         role: FITTED or HELD_OUT.
         metrics: with the null model (None without another fitted trial).
         floor_grf_rmse_bw: what the true foot would be left with on this recording's motion, where that is known.
+        own_height_m: of a held-out trial the height (foot up +) that was fitted to its own plate, if that was asked
+            for; then nothing here is a prediction.
     """
 
     label: str
@@ -74,6 +78,7 @@ class TrialScore:
     curves: TrialCurves
     sweep: FulcrumSweep | None
     floor_grf_rmse_bw: float | None = None
+    own_height_m: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,8 +135,8 @@ class Assessment:
 
 def assess(
     solution: ContactFitSolution, held_out: Sequence[Trial] = (), *, sweep: bool = True, leave_out: bool = True,
-    angle_errors: bool = True, layers: bool = True, floors: Mapping[str, float] | None = None,
-    progress: Callable[[str, float], None] | None = None
+    angle_errors: bool = True, layers: bool = True, own_height: bool = False,
+    floors: Mapping[str, float] | None = None, progress: Callable[[str, float], None] | None = None
 ) -> Assessment:
     """Judges a fit that succeeded, by trials of the same subject that were not fitted, too.
 
@@ -143,6 +148,7 @@ def assess(
         leave_out: whether to fit again without each trial, and without each stiffness.
         angle_errors: whether to walk every trial with errors of hip and knee of its own, too.
         layers: whether to predict every trial with the person's momentum and the fitted trials' discrepancy, too.
+        own_height: whether each held-out trial is judged at the height at which it meets its own plate best.
         floors: by label, the resultant error (BW) of the true foot on a recording's motion, where it is known.
 
     Raises:
@@ -156,12 +162,17 @@ def assess(
     if unknown:
         raise InputError(f"there is no trial {min(unknown)}", where="floors", right=f"There are: {', '.join(names)}")
     curves = [stance_curve(t.prosthetic_plate, subject_mass_kg=t.subject.mass_kg) for t in fit.trials]
+    heights = [height_of(solution, trial) for trial in held_out] if own_height else []
+    if own_height:
+        held_out = [_raised(trial, height) for trial, height in zip(held_out, heights, strict=True)]
     scores = []
     for i, (trial, name) in enumerate(zip([*fit.trials, *held_out], names, strict=True)):
         tell(f"scoring {name}", i / len(names))
         others = [c for t, c in zip(fit.trials, curves, strict=True) if c is not None and t is not trial]
         label = name if i < len(fit.trials) else None
         scores.append(_trial_score(solution, trial, label, name, others, sweep, floors.get(name)))
+    for i, height in enumerate(heights, start=len(fit.trials)):
+        scores[i] = replace(scores[i], own_height_m=height)
     joint = isinstance(solution.end, JointEnd)  # the paper's fit is of one trial
     left = _left_out(solution, tell) if leave_out and joint and len(fit.trials) > 1 else ()
     table, rows, contact = None, tuple[AngleErrorRow, ...](), solution.contact() if angle_errors or layers else None
@@ -176,6 +187,25 @@ def assess(
             step_s=fit.options.report_step_s, seed=fit.options.seed, in_layers=HELD_OUT,
             contact=None if table is None else table.teach(contact))
     return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution), angle_errors=rows, layers=table)
+
+
+def height_of(solution: ContactFitSolution, trial: Trial) -> float:
+    """The height (m, foot up +) at which the resultant of the fitted model is nearest to the trial's own plate."""
+    def error(height_m: float) -> float:
+        try:
+            comparison, result = solution.predict(
+                _raised(trial, height_m), None, step_s=solution.fit.options.report_step_s)
+        except SimulationError:
+            return np.inf
+        found = walk_metrics(result, trial.prosthetic_plate, comparison=comparison).grf_rmse_bw
+        return np.inf if found is None else found
+
+    found = minimize_scalar(error, bounds=(-OWN_HEIGHT_M, OWN_HEIGHT_M), method="bounded", options={"xatol": 1e-5})
+    return float(found.x)
+
+
+def _raised(trial: Trial, height_m: float) -> Trial:
+    return replace(trial, offsets=replace(trial.offsets, height_m=trial.offsets.height_m + height_m))
 
 
 def _trial_score(
@@ -290,7 +320,7 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
     sentences = say(
         "fit_verdict", message=solution.message, fitted=assessment.mean(FITTED, "grf_rmse_bw"),
         paper=PUBLISHED, one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
-        held=assessment.mean(HELD_OUT, "grf_rmse_bw"),
+        held=assessment.mean(HELD_OUT, "grf_rmse_bw"), own_height_mm=1e3 * OWN_HEIGHT_M,
         worst=max(errors, key=lambda pair: pair[1], default=(None, 0.0))[0],
         disturbed=[row for row in assessment.angle_errors if row.role == HELD_OUT and row.sd_deg and row.walks
                    and row.layer == (layer or PHYSICS)], layer=layer,
