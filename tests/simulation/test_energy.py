@@ -85,6 +85,23 @@ def test_work_on_a_pressed_foam_is_its_strain_and_loss_in_closed_form_to_second_
     np.testing.assert_allclose(np.array(off[:-1]) / off[1:], 4.0, atol=0.1)
 
 
+def test_the_support_under_a_keel_that_turns_above_it_stores_and_loses_in_closed_form(ball):
+    """Turned about its pin by A (1 - cos 2 pi t / T) / 2 it moves the support, a distance l ahead, by l times that:
+    k (l A)^2 / 2 is stored at T / 2, and until T the damping has taken c (l A)^2 pi^2 / (2 T)."""
+    turned, duration, steps, fulcrum_m = 1e-4, 0.1, 400, 0.108
+    machine, mechanism = ball
+    foot, tree = machine.machine.foot, mechanism.tree
+    stiffness, damping = mechanism.fulcrum
+    travel = turned * fulcrum_m
+    time = duration / steps * np.arange(steps + 1)
+    q = np.zeros((steps + 1, tree.num_coordinates))
+    q[:, tree.index(foot.carriage_joint_name)], q[:, tree.index("mount_up")] = fulcrum_m, 0.5
+    q[:, tree.index(foot.keel_joint_names[0])] = 0.5 * turned * (1.0 - np.cos(2.0 * np.pi * time / duration))
+    _, terms = run_of(ball, time, q, np.zeros(q.shape[1]))
+    assert terms["fulcrum_strain"][steps // 2 - 1] == pytest.approx(0.5 * stiffness * travel**2, rel=1e-3)
+    assert terms["fulcrum_loss"][-1] == pytest.approx(damping * travel**2 * np.pi**2 / (2.0 * duration), rel=1e-3)
+
+
 def test_an_undamped_joint_in_the_air_loses_what_implicit_euler_takes_and_the_remainder_shows_it(ball):
     """Amplitudes shrink by 1 / sqrt(1 + h^2 w^2) a step, energies by its square; within a period the loss, h w^2 times
     twice the kinetic energy a second, runs ahead of its mean by up to h w / 2 of the energy. Nothing else remains."""

@@ -55,6 +55,12 @@ def test_pieces_cover_a_step_without_gap_or_overlap_whatever_converges():
         assert all(converged or size == 1 for begin, size, converged in tries if (begin, size) in accepted)
 
 
+def test_a_piece_that_fails_is_halved_and_its_size_grows_again_where_it_stood():
+    accepted, tries = cut(lambda done, size: size <= PARTS // 4 or done >= PARTS // 2)
+    assert [size for _, size, _ in tries] == [PARTS, PARTS // 2, PARTS // 4, PARTS // 4, PARTS // 2]
+    assert accepted == [(0, PARTS // 4), (PARTS // 4, PARTS // 4), (PARTS // 2, PARTS // 2)]
+
+
 def test_ends_of_pieces_lie_on_straight_lines_between_the_grid_points():
     rng = np.random.default_rng(1)
     time = np.cumsum(rng.uniform(0.5e-3, 2e-3, 6))
@@ -138,9 +144,10 @@ def test_step_that_converges_in_no_size_is_kept_and_counted():
     """A smallest piece has at least LEVELS others beside it."""
     walk = walked("lost")
     record = walk.record
-    *_, converges = substeps_of(walk.mechanism, inputs_of(walk, hard_walker(SETTINGS["lost"][0])[0]), record.q0,
-                                record.v0)
+    _, counts, _, converges = substeps_of(walk.mechanism, inputs_of(walk, hard_walker(SETTINGS["lost"][0])[0]),
+                                          record.q0, record.v0)
     assert not converges.all()
+    np.testing.assert_array_equal(record.parts, counts)
     np.testing.assert_array_equal(record.converged, converges)
     assert np.all(record.parts[~record.converged] > LEVELS)
     assert np.all(record.iterations <= MAX_ITERATIONS * 2 * PARTS)
