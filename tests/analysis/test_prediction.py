@@ -11,23 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_contact import made_contact
-from made_fit import recording
+from made_fit import made_layer_row, made_layers, recording
 
 from vsf_drake.analysis.comparison import PERCENT
 from vsf_drake.analysis.discrepancy import COMPONENTS, UNTRIED, earned, interpolated
 from vsf_drake.analysis.momentum import PRIOR, SIGMA_BW, MomentumCorrection, missed, needed_force, swings
-from vsf_drake.analysis.prediction import (
-    LAYERS,
-    MOMENTUM,
-    PHYSICS,
-    LayerScore,
-    LayerTable,
-    TrialLayers,
-    layer_sentences,
-    layers_of,
-    learned,
-    predict,
-)
+from vsf_drake.analysis.prediction import MOMENTUM, PHYSICS, layer_sentences, layers_of, learned, predict
 from vsf_drake.contact_file import Discrepancy, DiscrepancyCurve, FittedTrial, MomentumBias
 from vsf_drake.files import plain
 from vsf_drake.motion.events import find_stances
@@ -215,23 +204,10 @@ def test_the_null_model_has_the_measured_times_or_the_predicted_ones(walker, tru
 # What is told.
 
 
-def row_of(label, errors, *, fitted=False, null=0.03, **correction):
-    scores = {layer: LayerScore(**dict.fromkeys(LayerScore.__dataclass_fields__, error))
-              for layer, error in zip(LAYERS, errors, strict=True)}
-    return TrialLayers(
-        label=label, fitted=fitted, fulcrum_mm=66.0, layers=scores, null_model_grf_rmse_bw=null, added_rms_bw=0.0,
-        null_model_predicted_times_grf_rmse_bw=null and null + 0.01,
-        correction=MomentumCorrection(**{"believed": True} | correction))
-
-
-def table_of(*rows, **changes):
-    return replace(LayerTable(trials=rows, momentum=None, untried=True, discrepancy=Discrepancy(
-        curves=(), shared=(0.1, 0.2, 0.3), own=(0.5, 0.4, 0.3))), **changes)
-
-
 def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
-    table = table_of(row_of("low_1", (0.02, 0.01, 0.0), fitted=True), row_of("low_2", (0.07, 0.05, 0.06)),
-                     row_of("low_3", (0.05, 0.05, 0.05), believed=False, why_not="motion"))
+    first = made_layer_row("low_1", (0.02, 0.01, 0.0), fitted=True)
+    table = made_layers(first, made_layer_row("low_2", (0.07, 0.05, 0.06)),
+                     made_layer_row("low_3", (0.05, 0.05, 0.05), believed=False, why_not="motion"))
     assert table.earned == "momentum" and table.mean("momentum", "fore_aft_rmse_bw") == pytest.approx(0.05)
     text = " ".join(layer_sentences(table))
     for words in ("6.0 % body weight off by physics alone", "5.0 % with the person's own momentum",
@@ -239,8 +215,8 @@ def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
                   "earn physics and momentum", "does not correct low_3: the recorded motion", "10, 20, 30 %",
                   "60 % of it is an assumption"):
         assert words in text
-    assert table_of(row_of("a", (0.05, 0.05, 0.05))).earned == "physics", "a layer that does nothing earns nothing"
-    alone = table_of(row_of("low_1", (0.02, 0.01, 0.0), fitted=True, believed=False, why_not="spread"), untried=False)
+    assert made_layers(made_layer_row("a", (0.05,) * 3)).earned == "physics", "a layer that does nothing earns nothing"
+    alone = made_layers(replace(first, correction=MomentumCorrection(believed=False, why_not="spread")), untried=False)
     text = " ".join(layer_sentences(alone))
     assert alone.earned is None and "held-out" not in text and "corrects none of the trials" in text
     assert "Another trial of the same setting shares 60, 60, 60 %" in text

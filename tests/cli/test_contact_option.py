@@ -8,7 +8,7 @@ import dataclasses
 import pytest
 import yaml
 from command_line import read_json
-from made_contact import OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
+from made_contact import DISCREPANCY, OF_THE_MODEL, OF_THE_TRIAL, OWN, made_contact
 
 from vsf_drake.analysis.metrics import UNFITTED
 from vsf_drake.analysis.validation.study import embedded_contact_beside
@@ -44,6 +44,28 @@ def test_simulate_walks_on_the_fitted_contact_and_says_which(run, tmp_path, cont
     forefoot = about["parameters"]["model"]["foot"]["zones"][-1]
     assert (forefoot["stiffness"], forefoot["exponent"]) == (2e5, 1.4)
     assert about["parameters"]["offsets"]["height_m"] == pytest.approx(2.5e-3)
+
+
+def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp_path):
+    """Two fitted recordings of another name taught a discrepancy of 5 % body weight at this setting, whole."""
+    path, curve = tmp_path / "contact.yaml", DISCREPANCY.curves[0]
+    curve = dataclasses.replace(curve, fulcrum_m=0.151, vertical_bw=(0.05,) * 101, lateral_bw=(0.0,) * 101,
+                                fore_aft_bw=(0.0,) * 101)
+    taught = dataclasses.replace(DISCREPANCY, curves=(curve,), shared=(0.0,) * 3, own=(1.0,) * 3)
+    save_contact(made_contact(values=DEVICE, curves=(), discrepancy=taught), path)
+    words = ("--out", tmp_path / "walk", "--no-replay", "--step-ms", "2", "--contact", path)
+    code, out, _ = run("simulate", TRIAL, *words)
+    assert code == 0 and "in layers, resultant (BW): physics" in out and "(not corrected: bias)" in out
+    found = read_json(tmp_path / "walk" / "metrics.json")
+    layers = found["layers"]
+    assert layers["layers"]["physics"]["grf_rmse_bw"] == pytest.approx(found["grf_rmse_bw"], rel=1e-9)
+    assert layers["added_rms_bw"] == pytest.approx(0.05, rel=1e-6) and not layers["fitted"]
+    assert layers["layers"]["discrepancy"]["fore_aft_rmse_bw"] == found["fore_aft_rmse_bw"]
+    assert layers["layers"]["discrepancy"]["vertical_rmse_bw"] != found["vertical_rmse_bw"]
+    assert layers["null_model_grf_rmse_bw"] > 0.0
+    save_contact(made_contact(values=DEVICE, curves=()), path)
+    code, out, _ = run("simulate", TRIAL, *words)
+    assert code == 0 and "in layers" not in out and read_json(tmp_path / "walk" / "metrics.json")["layers"] is None
 
 
 def test_an_embedded_walk_has_the_embedded_contact_unless_told_otherwise(run, tmp_path):

@@ -34,7 +34,11 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     assert table["files"] == sorted(path.name for path in quick_fit.glob("[!.]*"))
     assert {"contact.yaml", "fit.json", "fit.npz", "report.html", "errors.png", "parameters.svg", "bench.png",
             "trial_1_medium_1.png"} < set(table["files"])
-    assert load_contact(quick_fit / "contact.yaml").verdict == tuple(table["verdict"])
+    contact = load_contact(quick_fit / "contact.yaml")
+    assert contact.verdict == tuple(table["verdict"])
+    fitted = {row["fingerprint"] for row in table["layers"]["discrepancy"]["curves"]}
+    assert fitted == {trial.fingerprint for trial in contact.trials} == set(contact.momentum.trials)
+    assert len(contact.discrepancy.curves) == len(fitted) and len(table["layers"]["trials"]) == len(table["trials"])
     assert "SYNTHETIC, not recorded: medium_1, the bench." in said and "Trials (SYNTHETIC)" in said
     assert all(f"- {sentence}" in said for sentence in table["verdict"])
     row = next(line for line in said.splitlines() if line.startswith("medium_1"))

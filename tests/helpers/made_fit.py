@@ -20,6 +20,9 @@ from vsf_drake.analysis.contact_fit.table import (
 )
 from vsf_drake.analysis.fulcrum_sweep import swept
 from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.analysis.momentum import MomentumCorrection
+from vsf_drake.analysis.prediction import LAYERS, LayerScore, LayerTable, TrialLayers
+from vsf_drake.contact_file import Discrepancy
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import Subject
@@ -100,6 +103,25 @@ def made_uncertainty(**changes: Any) -> Uncertainty:
     return replace(made, **changes)
 
 
+def made_layer_row(
+    label: str, errors: tuple[float, float, float], *, fitted: bool = False, null: float | None = 0.03,
+    **correction: Any
+) -> TrialLayers:
+    """A trial whose scores are all `errors`, layer by layer; changes of its correction."""
+    scores = {layer: LayerScore(**dict.fromkeys(LayerScore.__dataclass_fields__, error))
+              for layer, error in zip(LAYERS, errors, strict=True)}
+    return TrialLayers(
+        label=label, fitted=fitted, fulcrum_mm=66.0, layers=scores, null_model_grf_rmse_bw=null, added_rms_bw=0.0,
+        null_model_predicted_times_grf_rmse_bw=null and null + 0.01,
+        correction=MomentumCorrection(**{"believed": True} | correction))
+
+
+def made_layers(*rows: TrialLayers, **changes: Any) -> LayerTable:
+    """Trials in layers, and a discrepancy of no curves."""
+    return replace(LayerTable(trials=rows, momentum=None, untried=True, discrepancy=Discrepancy(
+        curves=(), shared=(0.1, 0.2, 0.3), own=(0.5, 0.4, 0.3))), **changes)
+
+
 def made_fit(**changes: Any) -> FitTable:
     """The table of a joint fit of two trials with a bench, judged by a third."""
     table = FitTable(
@@ -113,6 +135,8 @@ def made_fit(**changes: Any) -> FitTable:
                           failed="the fit failed")),
         parameters=PARAMETERS, curves=(SmoothErrorRow(coordinate="knee_angle_r", largest_deg=0.4),),
         uncertainty=made_uncertainty(), noise_ratios=(NoiseRatio("soft", "vertical", 0.4),),
+        layers=made_layers(made_layer_row("soft", (0.02, 0.02, 0.01), fitted=True, height_m=0.0012), made_layer_row(
+            ODD, (0.05, 0.041, 0.042), null=None, believed=False, why_not="window")),
         searches=SEARCHES, best_search=0, options={"starts": 3, "noise": {"vertical": 0.025}}, wall_s=12.0,
         versions={"drake": "1.51"}, inputs_sha256={"soft: soft.yaml": "0" * 64})
     return replace(table, **changes)
@@ -123,7 +147,8 @@ def failed_fit(**changes: Any) -> FitTable:
     return made_fit(**{
         "success": False, "message": "no <search> converged", "verdict": (), "left_out": (), "parameters": (),
         "searches": SEARCHES[1:], "best_search": 1, "wall_s": None, "uncertainty": None, "curves": (),
-        "noise_ratios": (), "bench": replace(BENCH, stiffness=None), "trials": (made_trial(judged=False),)} | changes)
+        "layers": None, "noise_ratios": (), "bench": replace(BENCH, stiffness=None),
+        "trials": (made_trial(judged=False),)} | changes)
 
 
 def paper_fit(**changes: Any) -> FitTable:
