@@ -220,4 +220,7 @@ def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
     text = " ".join(layer_sentences(alone))
     assert alone.earned is None and "held-out" not in text and "corrects none of the trials" in text
     assert "Another trial of the same setting shares 60, 60, 60 %" in text
+    known = replace(table.discrepancy, curves=table.discrepancy.curves[:1])
+    text = " ".join(layer_sentences(replace(table, discrepancy=known)))
+    assert "one setting: their discrepancy is not added at another" in text and "left out" not in text
     assert json.loads(json.dumps(plain(table))) == plain(table)

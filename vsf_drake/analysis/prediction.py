@@ -181,13 +181,14 @@ def layer_sentences(table: LayerTable) -> list[str]:
     nulls = [[error for row in rows if (error := getattr(row, f"null_model_{name}grf_rmse_bw")) is not None]
              for name in ("", "predicted_times_")]
     known = table.discrepancy
+    positions = np.array([curve.fulcrum_m for curve in known.curves] if known else [])
     return say(
         "prediction", earned=table.earned, **{layer: table.mean(layer, "grf_rmse_bw") for layer in LAYERS},
         null=float(np.mean(nulls[0])) if nulls[0] else None, untried=table.untried, untried_share=UNTRIED,
         null_predicted=float(np.mean(nulls[1])) if nulls[1] else None,
         refused=[row for row in rows if not row.correction.believed],
         believed=[row for row in rows if row.correction.believed],
-        shares=known and [100.0 * share for share in known.shared],
+        one_setting=not settings_of(positions)[0].any(), shares=known and [100.0 * share for share in known.shared],
         own=known and [100.0 * (a + b) for a, b in zip(known.shared, known.own, strict=True)])
 
 

@@ -21,7 +21,7 @@ JOINT = set("at_bound correlations noise singular_values together unidentified".
 PAPER = set("failed_simulations initial_rms_n rms_n simulations".split())
 QUANTITY = ("heel_measured", "heel_model", "measured", "model", "rmse", "uncertainty")
 ROWS = {
-    "trials": "file floor_grf_rmse_bw fulcrum_mm label metrics notes role sweep synthetic",
+    "trials": "file floor_grf_rmse_bw fulcrum_mm label metrics notes own_height_m role sweep synthetic",
     "parameters": """at_bound frozen high interval_95 interval_in_prior_sd logarithmic low name prior_mean prior_scale
         share_of_prior spread_over_starts start unit value value_in_prior_sd""",
     "searches": "cost evaluations failed message start_cost success"}
