@@ -59,6 +59,8 @@ def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp
     found = read_json(tmp_path / "walk" / "metrics.json")
     layers = found["layers"]
     assert layers["layers"]["physics"]["grf_rmse_bw"] == pytest.approx(found["grf_rmse_bw"], rel=1e-9)
+    momentum = layers["layers"]["momentum"]
+    assert f"with momentum {100 * momentum['cop_rmse_fl']:.1f} % and {100 * momentum['cop_ml_rmse_fl']:.1f} %" in out
     assert layers["added_rms_bw"] == pytest.approx(0.05, rel=1e-6) and not layers["fitted"]
     assert layers["layers"]["discrepancy"]["fore_aft_rmse_bw"] == found["fore_aft_rmse_bw"]
     assert layers["layers"]["discrepancy"]["vertical_rmse_bw"] != found["vertical_rmse_bw"]

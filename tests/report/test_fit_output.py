@@ -51,7 +51,7 @@ def test_page_is_whole_html_that_loads_nothing_with_the_verdict_before_any_numbe
 def test_every_trial_stands_there_in_layers_with_its_correction(page):
     text = re.sub(r"<[^>]*>", "|", page)
     assert "||".join(("soft", "fitted", "66", "2.0", "2.0", "1.0", "3.0", "4.0", "2.0, 2.0, 1.0",
-                      "height +1.2 mm, hip +0.0°, knee +0.0°, alignment +0.0°")) in text
+                      "2.0, 2.0", "2.0, 2.0", "height +1.2 mm, hip +0.0°, knee +0.0°, alignment +0.0°")) in text
     assert "|4.1||4.2||–||–|" in text and "none: window" in text
     assert "In three layers" in page and "In three layers" not in fit_page(made_fit(layers=None), {})
 

@@ -111,7 +111,7 @@ def print_fit(table: FitTable) -> None:
 
     print_text("fit", fit=table, synthetic_data=synthetic_of(table), trial_rows=_trial_rows(table.trials),
                parameter_rows=_parameter_rows(table), smooth=smooth_errors(table),
-               layer_rows=[row[:-2] for row in (LAYER_HEADINGS, *layer_rows(table.layers))] if table.layers else [])
+               layer_rows=[row[:-4] for row in (LAYER_HEADINGS, *layer_rows(table.layers))] if table.layers else [])
 
 
 def _trial_rows(trials: Sequence[FitTrialRow]) -> list[Sequence[str]]:

@@ -178,7 +178,8 @@ def smooth_errors(table: FitTable) -> str:
 
 LAYER_HEADINGS = (
     "trial", "role", "fulcrum mm", "physics % BW", "+ momentum % BW", "+ discrepancy % BW", "null model % BW",
-    "null, predicted stance % BW", "fore-aft, three layers % BW", "momentum's correction")
+    "null, predicted stance % BW", "fore-aft, three layers % BW",
+    "CoP, physics and + momentum % FL", "CoP lateral, the same % FL", "momentum's correction")
 """Of the cells of `layer_rows`."""
 
 
@@ -197,6 +198,8 @@ def layer_rows(table: LayerTable) -> list[tuple[str, ...]]:
             *(percent(score.grf_rmse_bw) for score in scores), percent(row.null_model_grf_rmse_bw),
             percent(row.null_model_predicted_times_grf_rmse_bw),
             ", ".join(percent(score.fore_aft_rmse_bw) for score in scores),
+            ", ".join(percent(score.cop_rmse_fl) for score in scores[:2]),  # the discrepancy moves none
+            ", ".join(percent(score.cop_ml_rmse_fl) for score in scores[:2]),
             "height {:+.1f} mm, hip {:+.1f}°, knee {:+.1f}°, alignment {:+.1f}°".format(1e3 * done.height_m, *turned)
             if done.believed else f"none: {done.why_not}"))
     return rows
