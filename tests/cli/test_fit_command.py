@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from command_line import read_json
 
-from vsf_drake.analysis.contact_fit import ContactFitOptions, PaperOptions
+from vsf_drake.analysis.contact_fit import PaperOptions
 from vsf_drake.cli import fit_run
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import FitError, SimulationError
@@ -72,8 +72,13 @@ def test_a_fitted_contact_gives_the_walk_that_the_fit_reports(run, quick_fit, tm
 def left_by_a_failed_fit(out: Path) -> dict:
     """The table of a failed fit in `out`, of which nothing looks like a good one."""
     table = read_json(out / "fit.json")
-    assert not table["success"] and table["parameters"] == [] and table["verdict"] == []
-    assert not (out / "contact.yaml").exists() and not (out / "checkpoint.json").exists()
+    assert not table["success"] and not (out / "contact.yaml").exists()
+    # what did not converge is told, as that, and can go on
+    gave_up = bool(table["searches"]) and not any(search["success"] for search in table["searches"])
+    assert (out / "checkpoint.json").exists() == gave_up
+    assert [sentence.startswith("NOT CONVERGED") for sentence in table["verdict"][:1]] == [True] * gave_up
+    assert bool(table["parameters"]) == gave_up
+    (out / "checkpoint.json").unlink(missing_ok=True)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert page.split("<h1")[1].split(">")[1].startswith("FAILED")
     assert sorted(path.name for path in out.glob("[!.]*")) == table["files"]
@@ -84,13 +89,20 @@ def test_a_fit_that_did_not_converge_fails_and_takes_the_old_contact_with_it(run
     out = tmp_path / "fit"
     shutil.copytree(quick_fit, out)
     (out / "notes.txt").write_text("mine")
-    monkeypatch.setattr(fit_run, "ContactFitOptions", functools.partial(ContactFitOptions, iterations=1))
-    code, _, error = run("fit", TRIAL, "--out", out, "--quick")
+    code, said, error = run("fit", TRIAL, "--out", out, "--quick", "--iterations", 2)
     assert code == FitError.exit_code == 4
     assert "the fit failed: no search converged" in error and "no contact.yaml was written" in error
     (out / "notes.txt").unlink()  # the user's own file was left alone
+    assert "! NOT CONVERGED" in said and "--resume and more --iterations than 2" in said
+    shutil.copytree(out, tmp_path / "again")
     table = left_by_a_failed_fit(out)
     assert not table["searches"][0]["success"]
+    assert table["trials"][0]["metrics"]["grf_rmse_bw"] > 0.0, "how far off the best point is"
+    words = ("--quick", "--iterations", 100, "--resume")
+    assert run("fit", TRIAL, "--out", tmp_path / "again", *words)[0] == 0
+    on, = read_json(tmp_path / "again" / "fit.json")["searches"]
+    assert on["success"] and on["cost"] < table["searches"][0]["cost"]
+    assert on["start_cost"] == table["searches"][0]["start_cost"] and on["evaluations"] > 2
 
 
 @pytest.mark.parametrize(("where", "error"), [

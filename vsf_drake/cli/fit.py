@@ -41,6 +41,15 @@ def fit(
         metavar="NAME", help="A frozen parameter to fit as well, or a prefix: 'friction.*'; repeat it.")] = None,
     freeze: Annotated[list[str] | None, typer.Option(
         metavar="NAME", help="A parameter to leave where it starts, or a prefix: 'curve.*'; repeat it.")] = None,
+    prior: Annotated[list[str] | None, typer.Option(
+        metavar="NAME=SD", help="How well a parameter was known before: 'curve.*=1.5deg'; in its unit, deg or mm, "
+                                "of its logarithm where that is fitted; repeat it.")] = None,
+    prior_file: Annotated[Path | None, typer.Option(
+        parser=path, metavar="PRIORS.yaml", help="The same, a line NAME: SD each; --prior goes before it.")] = None,
+    iterations: Annotated[int | None, typer.Option(
+        help="Most walks of a search.", min=1, show_default="100")] = None,
+    time_limit: Annotated[float | None, typer.Option(
+        metavar="SECONDS", help="After which the search ends where it is.", min=1.0)] = None,
     resultant: Annotated[bool, typer.Option(
         "--resultant", help="Compare the size of the force instead of its three components.")] = False,
     no_cop: Annotated[bool, typer.Option("--no-cop", help="Do not compare the centre of pressure.")] = False,
@@ -56,12 +65,14 @@ def fit(
 
     Give trials at two or more fulcrum positions, a bench and some held-out trials: one stiffness alone does not
     identify the model. contact.yaml, for --contact of the other commands, is written only if the fit succeeded; a fit
-    that failed ends with exit code 4 and says why in fit.json and report.html. Ctrl-C leaves a checkpoint from which
-    the same command with --resume goes on.
+    that failed ends with exit code 4 and says in fit.json and report.html how far it came, what stood in the way and
+    what to do. Ctrl-C, a time limit and too few iterations leave a checkpoint from which the same command with --resume
+    goes on.
     """
     given = [option for option, chosen in (
         ("--starts", starts is not None), ("--solver", solver), ("--free", free), ("--freeze", freeze),
-        ("--resultant", resultant), ("--no-cop", no_cop), ("--paths", paths), ("--damping-by-zone", damping_by_zone))
+        ("--resultant", resultant), ("--no-cop", no_cop), ("--paths", paths), ("--damping-by-zone", damping_by_zone),
+        ("--prior", prior), ("--prior-file", prior_file), ("--iterations", iterations), ("--time-limit", time_limit))
         if chosen]
     if strategy not in (JOINT, PAPER):
         raise InputError(f"{strategy!r} is no strategy", where="--strategy", right=f"There are: {JOINT}, {PAPER}")
@@ -86,7 +97,8 @@ def fit(
         [load_trial(file) for file in trials], [load_trial(file) for file in hold_out or ()], bench_file=bench,
         strategy=strategy, seed=seed, starts=starts, solver=solver, free=free or (), freeze=freeze or (),
         resultant=resultant, cop=not no_cop, paths=paths, damping_by_zone=damping_by_zone, quick=quick,
-        own_height=held_out_height)
+        own_height=held_out_height, priors=prior or (), prior_file=prior_file, iterations=iterations,
+        time_limit_s=time_limit)
     synthetic = synthetic_of(task.table())
     if synthetic:
         say(f"SYNTHETIC, not recorded: {', '.join(synthetic)}.")
@@ -99,6 +111,8 @@ def fit(
     except KeyboardInterrupt:
         interrupted(checkpoint.after_interruption())
     if not table.success:
+        for sentence in table.verdict:
+            warn(sentence)
         raise FitError(f"the fit failed: {table.message.removesuffix('.')}. See {out / 'report.html'}; "
                        "no contact.yaml was written")
     print_fit(table)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,6 @@ from vsf_drake.analysis.contact_fit import (
     ContactFit,
     ContactFitOptions,
     ContactFitSolution,
-    FitParameters,
     PaperOptions,
     assess,
     solve,
@@ -25,6 +23,7 @@ from vsf_drake.analysis.contact_fit.problem import bench_of, check_recordings, l
 from vsf_drake.analysis.contact_fit.table import FitTable, fit_json, fit_table
 from vsf_drake.analysis.validation.bench_lines import CURVES, load_measured_bench
 from vsf_drake.cli.app import progress
+from vsf_drake.cli.fit_priors import prior_widths, with_frozen, with_priors
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import read_json, sha256, write_json
 from vsf_drake.motion.trial import Trial
@@ -56,20 +55,24 @@ class FitTask:
 def make_task(
     trials: list[Trial], held_out: list[Trial], *, bench_file: Path | None, strategy: str, seed: int,
     starts: int | None, solver: str | None, free: Sequence[str], freeze: Sequence[str], resultant: bool, cop: bool,
-    paths: bool, damping_by_zone: bool, quick: bool, own_height: bool = False
+    paths: bool, damping_by_zone: bool, quick: bool, own_height: bool = False, priors: Sequence[str] = (),
+    prior_file: Path | None = None, iterations: int | None = None, time_limit_s: float | None = None
 ) -> FitTask:
     """What the command's options ask for, after making sure, before the long part, that all of it can be fitted."""
+    widths = prior_widths(priors, prior_file)
     bench = None if bench_file is None else load_measured_bench(bench_file)
     asked: dict[str, object] = {}
     options: ContactFitOptions | PaperOptions
     if strategy == PAPER:
         options = PaperOptions(seed=seed)
     else:
-        asked = {"free": tuple(free), "freeze": tuple(freeze), "paths": paths, "damping_by_zone": damping_by_zone}
+        asked = {"free": tuple(free), "freeze": tuple(freeze), "paths": paths, "damping_by_zone": damping_by_zone,
+                 "priors": widths}
         default = ContactFitOptions()
         options = dataclasses.replace(
             default, series=(*((RESULTANT,) if resultant else FORCES), *(COP if cop else ())), seed=seed,
-            starts=1 if quick else starts or default.starts, solver=solver or default.solver)
+            starts=1 if quick else starts or default.starts, solver=solver or default.solver,
+            iterations=iterations or default.iterations, time_limit_s=time_limit_s)
     check_recordings(trials, held_out, series=options.series)
     subject, model = trials[0].subject, trials[0].model
     if bench is not None and bench_file is not None:
@@ -81,9 +84,9 @@ def make_task(
             raise InputError(error.what, file=bench_file, where=where, right=error.right) from None
     walker = Walker(subject, model)
     parameters = standard_parameters(walker.variables, subject.prosthetic_side, labels_of(trials),
-                                     damping_by_zone=damping_by_zone, paths=paths)
+                                     bench=bench is not None, damping_by_zone=damping_by_zone, paths=paths)
     problem = ContactFit(trials, bench=bench, options=options, walker=walker,
-                         parameters=with_frozen(parameters, free, freeze))
+                         parameters=with_priors(with_frozen(parameters, free, freeze), widths))
     return FitTask(problem=problem, quick=quick, held_out=held_out, own_height=own_height,
                    inputs={} if bench_file is None else {f"bench: {bench_file.name}": sha256(bench_file)},
                    options={**asked, "quick": quick, "own_height": own_height,
@@ -147,7 +150,8 @@ def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
         except (FitError, SimulationError) as error:
             # of a good fit, its walks or its foot fail where it is judged
             good = solution is not None and solution.success
-            table = task.table(solution, failed=f"it cannot be judged: {error}" if good else str(error))
+            table = task.table(solution, _best_point(task, solution),
+                               failed=f"it cannot be judged: {error}" if good else str(error))
             write_fit(table, out)
             return table
         show("writing figures and page", _REFITTED)
@@ -155,6 +159,16 @@ def run_task(task: FitTask, out: Path, checkpoint: Checkpoint) -> FitTable:
         contact = solution.contact(table.verdict)
         write_fit(table, out, contact=judged.layers.teach(contact) if judged.layers else contact)
         return table
+
+
+def _best_point(task: FitTask, solution: ContactFitSolution | None) -> Assessment | None:
+    """How far off the walks are at the best point of a joint fit that did not converge; None where they fail."""
+    if solution is None or solution.success or task.problem.options.strategy == PAPER:
+        return None
+    try:
+        return assess(solution.opened(), task.held_out, sweep=False, leave_out=False, angle_errors=False, layers=False)
+    except (FitError, SimulationError):
+        return None
 
 
 def _solved(task: FitTask, checkpoint: Checkpoint, show: Callable[[str, float], None]) -> ContactFitSolution:
@@ -177,29 +191,3 @@ def _solved(task: FitTask, checkpoint: Checkpoint, show: Callable[[str, float], 
         if error.where != "resume":
             raise
         raise InputError(error.what, file=checkpoint.path, where="--resume", right=error.right) from None
-
-
-def with_frozen(parameters: FitParameters, free: Sequence[str], freeze: Sequence[str]) -> FitParameters:
-    """The parameters with those frozen and free that the patterns name: a name, or a prefix that ends in "*".
-
-    Where several patterns fit a parameter, the longest decides: --freeze 'socket.*' --free socket.tz.stiffness.
-    """
-    names, items = list(parameters.by_name), []
-    families = [f"{family}.*" for family in dict.fromkeys(name.split(".")[0] for name in names)]
-    given = [("--free", pattern, False) for pattern in free] + [("--freeze", pattern, True) for pattern in freeze]
-    for option, pattern, _ in given:
-        if not any(_fits(pattern, name) for name in names):
-            near = difflib.get_close_matches(pattern, [*names, *families], n=3)
-            raise InputError(f"there is no parameter {pattern!r}", where=option, right=(
-                f"Did you mean {', '.join(near)}?" if near else
-                f"There are {', '.join(families)}; fit.json of any fit lists them all"))
-    for item in parameters.items:
-        fitting = [(len(pattern), frozen) for _, pattern, frozen in given if _fits(pattern, item.name)]
-        items.append(dataclasses.replace(item, frozen=max(fitting)[1]) if fitting else item)
-    if all(item.frozen for item in items):
-        raise InputError("all parameters are frozen", where="--freeze", right="Leave at least one free")
-    return FitParameters(items)
-
-
-def _fits(pattern: str, name: str) -> bool:
-    return name.startswith(pattern[:-1]) if pattern.endswith("*") else name == pattern

@@ -56,7 +56,8 @@ def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
 
 
 def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = None) -> None:
-    """Writes everything of a fit to `out`; what an earlier fit left there goes, and so does the checkpoint.
+    """Writes everything of a fit to `out`; what an earlier fit left there goes, and so does the checkpoint,
+    unless the fit did not converge: from there it can go on.
 
     Args:
         contact: what was fitted; not for a fit that failed.
@@ -78,7 +79,8 @@ def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = Non
             save_contact(contact, folder / CONTACT)
 
     FIT.write(out, {**fit_json(table), "files": sorted(files)}, arrays or None, more=more)
-    (out / CHECKPOINT).unlink(missing_ok=True)
+    if table.success or not table.parameters:
+        (out / CHECKPOINT).unlink(missing_ok=True)
 
 
 # The page, and numbers of the table as text: in the units that people use.

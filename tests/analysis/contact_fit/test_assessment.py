@@ -19,6 +19,7 @@ from vsf_drake.analysis.contact_fit.assessment import (
     BenchRow,
     Beside,
     LeftOut,
+    SimulatedBench,
     TrialScore,
     assess,
     bench_score,
@@ -26,7 +27,7 @@ from vsf_drake.analysis.contact_fit.assessment import (
     verdict,
 )
 from vsf_drake.analysis.contact_fit.paper import PaperEnd
-from vsf_drake.analysis.contact_fit.solution import JointEnd
+from vsf_drake.analysis.contact_fit.solution import Contradiction, JointEnd
 from vsf_drake.analysis.contact_fit.solve import Pair
 from vsf_drake.analysis.fulcrum_sweep import RIGHT_WITHIN_M, FulcrumSweep
 from vsf_drake.analysis.metrics import stance_curve, walk_metrics
@@ -37,6 +38,12 @@ from vsf_drake.motion.formats.recording import PlateRecording
 @pytest.fixture(scope="module")
 def trials():
     return {name: recording(name) for name in ("low_1", "low_2", "medium_1", "high_1")}
+
+
+@pytest.fixture(autouse=True)
+def no_machine(monkeypatch):
+    """Fits that are made up here have no foot to press."""
+    monkeypatch.setattr(module, "simulated_bench", lambda _: None)
 
 
 class Model:
@@ -273,7 +280,7 @@ def sweep(right=True, best_mm=100.0, at_end=False):
                         right=right, at_end=at_end)
 
 
-def solution(*, fulcrums=(0.066, 0.151), ratios=(0.8,), searches=(10.0,), lost=(), **uncertainty):
+def solution(*, fulcrums=(0.066, 0.151), ratios=(0.8,), searches=(10.0,), lost=(), contradiction=None, **uncertainty):
     """Four parameters, of which the curve's and the trial's belong to no foot."""
     known = made_uncertainty(**{
         "names": ("offset.height", "contact.heel.force", "curve.knee_angle_r.0", "trial.soft.height"),
@@ -284,7 +291,7 @@ def solution(*, fulcrums=(0.066, 0.151), ratios=(0.8,), searches=(10.0,), lost=(
                    searches=(*(made_search(cost=cost) for cost in searches),
                              *(made_search(cost=cost, success=False) for cost in lost)))
     return SimpleNamespace(fit=SimpleNamespace(trials=[SimpleNamespace(fulcrum_m=x) for x in fulcrums]), end=end,
-                           message="done")
+                           message="done", contradiction=contradiction)
 
 
 def bench(off=0.5, heel=(65.0, 67.25), mid_range=None):
@@ -295,9 +302,9 @@ def bench(off=0.5, heel=(65.0, 67.25), mid_range=None):
                     mid_range=None if mid_range is None else beside(*mid_range))
 
 
-def words(found=None, *scores, left_out=(), measured=None, angle_errors=()):
+def words(found=None, *scores, left_out=(), measured=None, angle_errors=(), alone=None):
     text = verdict(found or solution(), Assessment(scores=(trial_score(), *scores), left_out=left_out, bench=measured,
-                                                   angle_errors=angle_errors))
+                                                   angle_errors=angle_errors, simulated_bench=alone))
     assert all(sentence.endswith(".") and "nan" not in sentence and "None" not in sentence for sentence in text)
     return " ".join(text)
 
@@ -315,6 +322,10 @@ DISTURBED = [AngleErrorRow(role=role, sd_deg=sd, walks=28, failed=0, grf_rmse_bw
     ("fitted", 0.5, 0.011, 28))]
 SWEPT = [trial_score("a", "held out", sweep=sweep()), trial_score("b", "held out", sweep=sweep(at_end=True)),
          trial_score("c", "held out", sweep=sweep(right=False, best_mm=130.4))]
+ALONE = SimulatedBench(fulcrum_mm=(66.0, 151.0), fitted_n_per_mm=(4.7, 7.0), heel_n_per_mm=49.2,
+                       model_n_per_mm=(16.9, 33.0), model_heel_n_per_mm=65.0)
+PRIORS = Contradiction(sd_away={"coordinate.hip_adduction_r": 3.54, "offset.inversion": -3.2}, factor=2.0, cost=81.26,
+                       cost_widened=60.0)
 KNOWN = {"unidentified": ("contact.heel.force", "curve.knee_angle_r.0", "trial.soft.height"),
          "at_bound": ("offset.height",), "together": (Pair(("offset.height", "contact.heel.force"), -0.97),
                                                       Pair(("offset.height", "trial.soft.height"), 0.99))}
@@ -328,6 +339,19 @@ KNOWN = {"unidentified": ("contact.heel.force", "curve.knee_angle_r.0", "trial.s
     (lambda: words(solution(fulcrums=(0.1, 0.1)), *HELD),
      ["one stiffness does not identify the model", "3 held-out trials: 3.0 % body weight", "at worst 4.0 % (bad)",
       "without any model: bad, even.", "is 3.0 % off on average"], ["No trial was held out"]),
+    (lambda: words(alone=ALONE),
+     ["No bench was given. On a simulated one (200 to 600 N) the fitted foot has 4.7 N/mm at 66 mm (the model before "
+      "the fit 16.9), 7.0 N/mm at 151 mm (the model before the fit 33.0) and 49.2 N/mm at the heel (65.0)"],
+     ["cannot bear"]),
+    (lambda: words(alone=replace(ALONE, fitted_n_per_mm=None, heel_n_per_mm=None)),
+     ["the fitted foot cannot bear 600 N"], ["N/mm at"]),
+    (lambda: words(solution(contradiction=PRIORS)),
+     ["The priors contradict the data: coordinate.hip_adduction_r by +3.5 standard deviations, offset.inversion by "
+      "-3.2 standard deviations. The fit is told with these priors 2 times as wide, at a cost of 60.0; as they were "
+      "it was 81.3"],
+     ["did not converge"]),
+    (lambda: words(solution(contradiction=replace(PRIORS, cost_widened=None))),
+     ["2 times as wide the fit did not converge", "at a cost of 81.3"], ["as they were it was"]),
     (lambda: words(None, HELD[0]), ["stretched"], ["No better than", "for itself"]),
     (lambda: words(None, HELD[0], angle_errors=DISTURBED),
      ["for itself: 0.5° 6.1 % body weight, 36 % better than a stretched curve; 1° 10.4 % body weight. Read the row"],

@@ -59,14 +59,15 @@ def mismatch(fit, u, step=1e-5):
 def test_jacobian_of_every_parameter_is_that_of_differences(fit_walker, soft, stiff, measured_bench):
     """All standard parameters, paths and the damping of each zone among them, on two trials and the bench.
 
-    Left out of the derivatives is that a path at its ends turns the mean direction of walking (3e-3 of what it does).
+    Left out of the derivatives is that a path at its ends turns the mean direction of walking, and with it what is
+    fore-aft and what lateral of the centre of pressure (5e-3 of what it does).
     """
     parameters = standard_parameters(fit_walker.variables, "right", BOTH, damping_by_zone=True, paths=True)
     parameters = parameters.changed([*parameters.by_name], frozen=False)
     fit = ContactFit([soft, stiff], bench=measured_bench, parameters=parameters, walker=fit_walker, labels=BOTH)
     off = mismatch(fit, somewhere(fit))
     assert len(off) == len(parameters.items)
-    assert max(off.values()) < 5e-3, sorted(off.items(), key=lambda item: -item[1])[:5]
+    assert max(off.values()) < 1e-2, sorted(off.items(), key=lambda item: -item[1])[:5]
     assert max(value for name, value in off.items() if "path" not in name) < 1e-4
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from vsf_drake.analysis.contact_fit import ContactFit
+from vsf_drake.analysis.contact_fit.assessment import failure, simulated_bench
 from vsf_drake.analysis.contact_fit.parameters import standard_parameters
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, JointEnd, solve
 from vsf_drake.analysis.contact_fit.solve import FitSearch, uncertainty
@@ -114,6 +115,31 @@ def test_reading_a_fit_that_failed_raises_what_went_wrong(few_free, soft):
             read()
 
 
+def test_a_failed_fit_can_be_opened_by_who_says_that_it_failed(few_free):
+    fit = few_free("offset.height")
+    failed = ended(fit, np.array([0.5]), success=False, message="the walk fell over")
+    assert failed.opened().values["offset.height"] == pytest.approx(0.005)
+    told = " ".join(failure(failed))
+    assert told.startswith("NOT CONVERGED: the walk fell over") and "offset.height (" in told and "--starts" in told
+
+
+def test_priors_that_the_data_contradict_are_widened_once_and_both_costs_are_told(few_free, soft, fit_walker):
+    """With narrow priors height and alignment end far from what was believed; the foam, with a wide one, does not."""
+    names = ("offset.height", "offset.alignment", "contact.forefoot.force")
+    free = few_free(*names, **SHORT)
+    narrow = free.parameters.changed(names[:1], scale=1e-3).changed(names[1:2], scale=1e-2)
+    fit = ContactFit([soft], walker=fit_walker, labels=["low_1"], parameters=narrow, options=free.options)
+    found = solve(fit)
+    told = found.contradiction
+    assert set(told.sd_away) == set(names[:2]) and all(abs(away) > 3.0 for away in told.sd_away.values())
+    before = fit.evaluate(found.end.searches[0].u).cost
+    assert told.cost == pytest.approx(before, rel=1e-3) and told.cost_widened == found.end.evaluation.cost < told.cost
+    assert solve(free).contradiction is None
+    scales = {name: found.fit.parameters.by_name[name].scale / narrow.by_name[name].scale for name in names}
+    assert scales == pytest.approx({names[0]: 2.0, names[1]: 2.0, names[2]: 1.0})
+    assert len(found.end.searches) == SHORT["starts"] + 1 and found.end.best == SHORT["starts"]
+
+
 def test_solve_ends_at_the_lowest_of_its_searches(few_free):
     fit = few_free("offset.height", "contact.forefoot.force", **SHORT)
     found = solve(fit)
@@ -175,3 +201,15 @@ def test_without_a_trial_the_fit_is_searched_again_from_where_it_was(few_free, s
     assert fewer.fit.options == fit.options and fewer.fit.walker is fit.walker
     with pytest.raises(FitError, match="no trial is left"):
         found.refitted_without(["low_1", "high_1"])
+
+
+def test_without_a_bench_the_simulated_one_presses_the_fitted_foot(few_free, soft, stiff):
+    """As the machine of a measured bench does, at the trials' fulcrums."""
+    fit = few_free("contact.forefoot.force", trials=[soft, stiff])
+    found = ended(fit, np.array([-1.0]))
+    shown = simulated_bench(found)
+    assert shown.fulcrum_mm == pytest.approx((66.0, 151.0))
+    machine = BenchStiffness(fit.walker.model.foot, fulcrums_m=(0.066, 0.151), heel=True)
+    expected = 1e-3 * machine.evaluate(found.all_values(None))[0]
+    assert (*shown.fitted_n_per_mm, shown.heel_n_per_mm) == pytest.approx(expected.tolist())
+    assert all(fitted < model for fitted, model in zip(shown.fitted_n_per_mm, shown.model_n_per_mm, strict=True))

@@ -15,8 +15,9 @@ from vsf_drake.analysis.contact_fit.table import curve_rows, fit_arrays, fit_jso
 
 FEW = ("offset.height", "contact.forefoot.force", "contact.heel.force", "socket.tz.stiffness", "trial.low_1.height",
        "curve.knee_angle_r.0", "curve.knee_angle_r.1")
-ALWAYS = set("""angle_errors bench best_search curves history inputs_sha256 kind layers left_out message options
-    parameters published searches strategy subject success synthetic trials verdict versions wall_s""".split())
+ALWAYS = set("""angle_errors bench best_search contradiction curves history inputs_sha256 kind layers left_out message
+    options parameters published searches simulated_bench strategy subject success synthetic trials verdict versions
+    wall_s""".split())
 JOINT = set("at_bound correlations noise singular_values together unidentified".split())
 PAPER = set("failed_simulations initial_rms_n rms_n simulations".split())
 QUANTITY = ("heel_measured", "heel_model", "measured", "model", "rmse", "uncertainty")
@@ -24,7 +25,7 @@ ROWS = {
     "trials": "file floor_grf_rmse_bw fulcrum_mm label metrics notes own_height_m role sweep synthetic",
     "parameters": """at_bound frozen high interval_95 interval_in_prior_sd logarithmic low name prior_mean prior_scale
         share_of_prior spread_over_starts start unit value value_in_prior_sd""",
-    "searches": "cost evaluations failed message start_cost success"}
+    "searches": "cost cut evaluations failed message start_cost success"}
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +126,9 @@ def test_a_fit_that_failed_or_was_not_judged_tells_no_more_than_is_known(solutio
     failed = fit_table(broken.fit, broken, held_out=[held])
     found = fit_json(failed)
     assert not failed.success and failed.message == "no search converged" and len(found["searches"]) == 2
-    assert set(found) == ALWAYS and found["parameters"] == [] and "metrics" not in found["trials"][0]
+    assert set(found) == ALWAYS | JOINT and not found["success"] and "metrics" not in found["trials"][0]
+    assert found["parameters"], "those of its best point"
+    assert found["verdict"][0].startswith("NOT CONVERGED: no search converged")
     begun = fit_table(solution.fit, failed="the walk fails", options={"quick": True})
     assert begun.searches == () and begun.options["quick"] and begun.options["seed"] == 0
 

@@ -18,7 +18,7 @@ from vsf_drake.analysis.angle_errors import AngleErrorRow, JudgedTrial, angle_er
 from vsf_drake.analysis.comparison import rmse
 from vsf_drake.analysis.contact_fit.parameters import owner
 from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_with
-from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd
+from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd, far_parameters
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
 from vsf_drake.analysis.metrics import WalkMetrics, stance_curve, walk_metrics
@@ -28,6 +28,7 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial
 from vsf_drake.sentences import say
+from vsf_drake.simulation.bench_stiffness import BenchStiffness
 
 FITTED, HELD_OUT = "fitted", "held out"
 OWN_HEIGHT_M = 0.010  # within which a held-out trial's own height is looked for: 5 SD of a fitted trial's (its prior)
@@ -119,14 +120,27 @@ class BenchRow:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SimulatedBench:
+    """The fitted foot in the testing machine where nobody measured it: N/mm at the fulcrum positions of the fitted
+    trials and at the heel, and the same of the model before the fit. None where the foot cannot bear the load."""
+
+    fulcrum_mm: tuple[float, ...]
+    fitted_n_per_mm: tuple[float, ...] | None
+    heel_n_per_mm: float | None
+    model_n_per_mm: tuple[float, ...]
+    model_heel_n_per_mm: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """All that speaks for and against a fit; `bench` is None without one."""
+    """All that speaks for and against a fit; `bench` is None without one, `simulated_bench` with one."""
 
     scores: tuple[TrialScore, ...]
     left_out: tuple[LeftOut, ...]
     bench: BenchRow | None
     angle_errors: tuple[AngleErrorRow, ...] = ()  # none where it was not asked for
     layers: LayerTable | None = None  # likewise
+    simulated_bench: SimulatedBench | None = None
 
     def mean(self, role: str, key: str) -> float | None:
         """Mean of a metric over the trials of a role; None where there is none."""
@@ -186,7 +200,9 @@ def assess(
              for trial, score in zip([*fit.trials, *held_out], scores, strict=True)],
             step_s=fit.options.report_step_s, seed=fit.options.seed, in_layers=HELD_OUT,
             contact=None if table is None else table.teach(contact))
-    return Assessment(scores=tuple(scores), left_out=left, bench=bench_score(solution), angle_errors=rows, layers=table)
+    bench = bench_score(solution)
+    return Assessment(scores=tuple(scores), left_out=left, bench=bench, angle_errors=rows, layers=table,
+                      simulated_bench=simulated_bench(solution) if joint and not bench else None)
 
 
 def height_of(solution: ContactFitSolution, trial: Trial) -> float:
@@ -318,7 +334,8 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
     errors = [(s, s.metrics.grf_rmse_bw) for s in held_out if s.metrics.grf_rmse_bw is not None]
     nulls = [(s, s.metrics.null_model_grf_rmse_bw) for s in held_out if s.metrics.null_model_grf_rmse_bw is not None]
     sentences = say(
-        "fit_verdict", message=solution.message, fitted=assessment.mean(FITTED, "grf_rmse_bw"),
+        "fit_verdict", message=solution.message, alone=assessment.simulated_bench,
+        contradiction=solution.contradiction, fitted=assessment.mean(FITTED, "grf_rmse_bw"),
         paper=PUBLISHED, one_setting=len({trial.fulcrum_m for trial in solution.fit.trials}) == 1, held_out=held_out,
         held=assessment.mean(HELD_OUT, "grf_rmse_bw"), own_height_mm=1e3 * OWN_HEIGHT_M,
         worst=max(errors, key=lambda pair: pair[1], default=(None, 0.0))[0],
@@ -331,6 +348,46 @@ def verdict(solution: ContactFitSolution, assessment: Assessment) -> tuple[str, 
         left_out=left_out, swept=[s for s in scores if s.sweep is not None], bench=assessment.bench,
         joint=_own_worth(solution.end) if isinstance(solution.end, JointEnd) else None)
     return (*sentences, *(layer_sentences(assessment.layers) if assessment.layers else ()))
+
+
+def simulated_bench(solution: ContactFitSolution) -> SimulatedBench:
+    """Stiffness between 200 and 600 N, as the bench of McGeehan 2021 has it."""
+    fit = solution.fit
+    fulcrums = sorted({trial.fulcrum_m for trial in fit.trials})
+    machine = BenchStiffness(fit.walker.model.foot, fulcrums_m=fulcrums, heel=True)
+    *model, model_heel = (1e-3 * machine.evaluate({})[0]).tolist()
+    try:
+        *fitted, heel = (1e-3 * machine.evaluate(solution.all_values(None))[0]).tolist()
+    except SimulationError:
+        fitted, heel = None, None
+    return SimulatedBench(
+        fulcrum_mm=tuple(1e3 * x for x in fulcrums), fitted_n_per_mm=None if fitted is None else tuple(fitted),
+        heel_n_per_mm=heel, model_n_per_mm=tuple(model), model_heel_n_per_mm=model_heel)
+
+
+STEEPEST_FEW = 3
+"""So many parameters with the steepest cost are named where a search did not converge."""
+
+
+def failure(solution: ContactFitSolution) -> tuple[str, ...]:
+    """Of a joint fit that did not converge: what its best point is, what stood in the way and what to do, in
+    sentences."""
+    end = solution.end
+    assert isinstance(end, JointEnd)
+    at, free = end.evaluation, solution.fit.parameters.free
+    gradient = at.jacobian.T @ at.residual
+    # what a step along one parameter alone would gain, were the residuals linear
+    gain = 0.5 * gradient**2 / np.maximum(np.einsum("mp,mp->p", at.jacobian, at.jacobian), 1e-12)
+    steepest = sorted(zip(gain.tolist(), (item.name for item in free), strict=True), reverse=True)[:STEEPEST_FEW]
+    best = end.searches[end.best]
+    return tuple(say(
+        "fit_failed", message=solution.message, cost=best.cost, start_cost=best.start_cost,
+        searches=len(end.searches), at_bound=end.uncertainty.at_bound, far=far_parameters(end),
+        steepest=[(name, value) for value, name in steepest if value > 0.0],
+        large=sorted((row for row in end.noise_ratios() if row.ratio > NOISE_TOO_SMALL), key=lambda row: -row.ratio),
+        cut=any(s.cut for s in end.searches), failed=sum(s.failed for s in end.searches),
+        iterations=solution.fit.joint.iterations,
+        ended=any("limit of" in s.message for s in end.searches)))
 
 
 def _own_worth(end: JointEnd) -> dict[str, object]:

@@ -53,7 +53,7 @@ class ContactFitOptions:
     """Options of the joint fit.
 
     Attributes:
-        only_ends: options that an interrupted fit may change, since the way of a search does not depend on them.
+        only_ends: options that an interrupted fit may change, since only where a search ends depends on them.
         series: what is compared; the resultant alone accepts nonsense.
         starts: searches, the first from the parameters' own start, the others from the best of `screened` Latin
             hypercube samples of the prior.
@@ -66,7 +66,7 @@ class ContactFitOptions:
     """
 
     strategy: ClassVar[str] = JOINT
-    only_ends: ClassVar[tuple[str, ...]] = ("time_limit_s",)
+    only_ends: ClassVar[tuple[str, ...]] = ("iterations", "time_limit_s")
     series: tuple[str, ...] = choice((*FORCES, *COP), options=SERIES, source=_CHOICE)
     noise: FitNoise = field(default_factory=FitNoise)
     starts: int = quantity(5, unit="1", low=1, source=_CHOICE)

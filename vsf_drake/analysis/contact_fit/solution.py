@@ -22,6 +22,10 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
 
+FAR, SEVERAL, WIDER = 3.0, 2, 2.0
+"""Where so many parameters end further than FAR standard deviations from the centre of their prior, these priors are
+made so much wider, once: of a hundred that were right, fewer than one in three hundred fits would have two (a choice).
+"""
 ALIKE = 2.0
 """Searches whose cost is within this of the lowest fit the data as well: a likelihood ratio of exp(-2) (a choice)."""
 
@@ -33,6 +37,16 @@ class NoiseRatio:
     trial: str
     series: str
     ratio: float
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """Parameters that the data pull further from their prior than it allows, and the fit with wider priors of these."""
+
+    sd_away: Mapping[str, float]  # by name, in standard deviations of the prior as it was
+    factor: float  # by which it was widened
+    cost: float  # with the priors as they were
+    cost_widened: float | None  # None where that fit did not converge: it is not the one that is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +78,7 @@ class ContactFitSolution:
     message: str  # how it ended
     end: JointEnd | PaperEnd
     wall_s: float
+    contradiction: Contradiction | None = None  # of priors and data; then `fit` has the wider ones
 
     @property
     def values(self) -> dict[str, float]:
@@ -119,9 +134,13 @@ class ContactFitSolution:
         parameters = FitParameters(item for item in fit.parameters.items if owner(item.name) not in labels)
         fewer = ContactFit([trial for trial, _ in left], bench=fit.bench, parameters=parameters, options=fit.options,
                            walker=fit.walker, labels=[label for _, label in left])
-        solution = _finished(fewer, (search(fewer, parameters.u(self.values)),), began)
+        solution = _finished(fewer, (search(fewer, parameters.u(self.values), near=True),), began)
         solution.check()
         return solution
+
+    def opened(self) -> ContactFitSolution:
+        """The same, to be read although it failed; whoever reads it must say that it did not converge."""
+        return replace(self, success=True)
 
     def check(self) -> None:
         """Raises FitError if the fit failed."""
@@ -176,11 +195,41 @@ def solve(
     """
     began = time.perf_counter()
     if fit.options.strategy == JOINT:
-        return _finished(fit, run_searches(fit, progress=progress, resume=resume, checkpoint=checkpoint), began)
+        searches = run_searches(fit, progress=progress, resume=resume, checkpoint=checkpoint)
+        return _widened(_finished(fit, searches, began), began)
     end = search_like_the_paper(fit, progress=progress, resume=resume, checkpoint=checkpoint)
     solution = ContactFitSolution(fit=fit, success=end.converged, message=end.stopped_by, end=end,
                                   wall_s=end.state.wall_s)
     return solution.checked() if end.converged else solution
+
+
+def far_parameters(end: JointEnd) -> dict[str, float]:
+    """Those further than FAR standard deviations from the centre of their prior, the furthest first."""
+    far = {name: float(u) for name, u in zip(end.uncertainty.names, end.u, strict=True) if abs(u) > FAR}
+    return dict(sorted(far.items(), key=lambda item: -abs(item[1])))
+
+
+def _widened(solution: ContactFitSolution, began: float) -> ContactFitSolution:
+    """The same where the data agree with the priors; else with the priors that they contradict widened, once."""
+    fit, end = solution.fit, solution.end
+    assert isinstance(end, JointEnd)
+    priors = {item.name for item in fit.parameters.free if item.prior}
+    far = {name: u for name, u in far_parameters(end).items() if name in priors}
+    if not solution.success or len(far) < SEVERAL:
+        return solution
+    values, wider = fit.parameters.values(end.u), fit.parameters
+    for name in far:
+        wider = wider.changed([name], scale=WIDER * wider.by_name[name].scale)
+    again = ContactFit(fit.trials, bench=fit.bench, parameters=wider, options=fit.options, walker=fit.walker,
+                       labels=fit.labels)
+    found = _finished(again, (search(again, wider.u(values), near=True),), began)
+    told = Contradiction(sd_away=far, factor=WIDER, cost=end.evaluation.cost,
+                         cost_widened=found.end.evaluation.cost if found.success and isinstance(found.end, JointEnd)
+                         else None)
+    if not found.success or not isinstance(found.end, JointEnd):
+        return replace(solution, contradiction=told, wall_s=found.wall_s)
+    return replace(found, end=replace(found.end, searches=(*end.searches, *found.end.searches), best=len(end.searches)),
+                   contradiction=told)
 
 
 def _finished(fit: ContactFit, searches: tuple[FitSearch, ...], began: float) -> ContactFitSolution:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,7 @@ class FitSearch:
     message: str  # in its words, or why it failed
     evaluations: int  # points at which the walks were run
     failed: int  # so many of these ended in a SimulationError
+    cut: bool = False  # by the time limit
 
 
 def run_searches(
@@ -56,7 +57,8 @@ def run_searches(
 ) -> tuple[FitSearch, ...]:
     """All searches of the options, in their order; see `solution.solve`.
 
-    All draws come from the seed and the search's number, so that an interrupted fit goes on as it would have.
+    All draws come from the seed and the search's number, so that an interrupted fit goes on as it would have. A search
+    of `resume` that the time limit cut, or a lower limit of iterations ended, goes on from where it was.
     """
     starts, size = fit.joint.starts, len(fit.parameters)
 
@@ -65,24 +67,33 @@ def run_searches(
         costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
         return FitSearch(**{**row, **ends, **costs})
 
-    done = [] if resume is None else fit.resumed(resume, lambda state: [*map(read, state["searches"][:starts])])
+    done, fewer = ([], 0) if resume is None else fit.resumed(
+        resume, lambda state: ([*map(read, state["searches"][:starts])], int(state["iterations"])))
     began, before, ended = time.perf_counter(), len(done), 0.0
     until = began + (np.inf if fit.joint.time_limit_s is None else fit.joint.time_limit_s)
-    for i in range(len(done), starts):
+    goes_on = [i for i, s in enumerate(done) if not s.success and np.isfinite(s.cost)
+               and (s.cut or fewer < fit.joint.iterations)]
+    for i in [*goes_on, *range(len(done), starts)]:
         def tell(evaluations: int, cost: float, i: int = i, ended: float = ended) -> None:
             if progress:
                 best = min([cost, *(s.cost for s in done)])
                 share = (i + evaluations / (evaluations + _TYPICAL)) / starts
-                if i > before:  # by the time that the searches which ended took
+                if i > before and not goes_on:  # by the time that the searches which ended took
                     share = (time.perf_counter() - began) * (i - before) / (ended * (starts - before))
                 progress(f"search {i + 1} of {starts}, best cost {best:.1f}", min(share, 1.0))
 
-        done.append(search(fit, _start(fit, i), tell, until=until))
+        if i < len(done):
+            again = search(fit, done[i].u, tell, near=True, until=until)
+            done[i] = replace(again, start=done[i].start, start_cost=done[i].start_cost,
+                              evaluations=done[i].evaluations + again.evaluations,
+                              failed=done[i].failed + again.failed)
+        else:
+            done.append(search(fit, _start(fit, i), tell, until=until))
         ended = time.perf_counter() - began
-        if time.perf_counter() > until:  # this one may have been cut: it is no part of a state to go on from
-            break
         if checkpoint:
-            checkpoint({"key": fit.key, "searches": plain([vars(s) for s in done])})
+            checkpoint({"key": fit.key, "iterations": fit.joint.iterations, "searches": plain([vars(s) for s in done])})
+        if time.perf_counter() > until:
+            break
     return tuple(done)
 
 
@@ -154,7 +165,7 @@ def search(
             raise
         success, message = False, f"the time limit of {fit.joint.time_limit_s:g} s ended it"
     return FitSearch(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
-                     message=message, evaluations=tried.count, failed=tried.failed)
+                     message=message, evaluations=tried.count, failed=tried.failed, cut=tried.late)
 
 
 def _left_to_gain(tried: _Tried) -> float:

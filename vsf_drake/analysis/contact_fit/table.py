@@ -18,13 +18,15 @@ from vsf_drake.analysis.contact_fit.assessment import (
     BenchRow,
     LeftOut,
     PublishedFit,
+    SimulatedBench,
     TrialScore,
     bench_row,
+    failure,
     verdict,
 )
 from vsf_drake.analysis.contact_fit.paper import PaperEnd, PaperState
 from vsf_drake.analysis.contact_fit.problem import ContactFit, labels_with
-from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, NoiseRatio
+from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, Contradiction, JointEnd, NoiseRatio
 from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty
 from vsf_drake.analysis.prediction import LayerTable
 from vsf_drake.contact_file import variable_unit
@@ -85,7 +87,8 @@ class SmoothErrorRow:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitTable:
-    """All that is told of a fit; of one that failed no parameters and scores, but how it went as far as is known.
+    """All that is told of a fit; of one that failed how it went as far as is known. Of a joint fit that did not
+    converge all numbers are those of its best point, and `verdict` says what stood in the way: they are no result.
 
     Of `searches` to `noise_ratios` one strategy knows nothing: the joint one of `paper`, the paper's of the others.
     """
@@ -114,6 +117,8 @@ class FitTable:
     uncertainty: Uncertainty | None = None
     curves: tuple[SmoothErrorRow, ...] = ()
     noise_ratios: tuple[NoiseRatio, ...] = ()
+    contradiction: Contradiction | None = None
+    simulated_bench: SimulatedBench | None = None
 
 
 def fit_table(
@@ -135,12 +140,16 @@ def fit_table(
               for file, digest in trial.inputs.items()}
     bench, end = fit.bench, None if solution is None else solution.end
     good = solution if solution is not None and solution.success and not failed else None
-    judged = None if good is None else assessment
+    lost = solution.opened() if solution is not None and not solution.success and isinstance(end, JointEnd) else None
+    told = good or lost
+    judged = None if told is None else assessment
     scores: Sequence[TrialScore | None] = [None] * len(every) if judged is None else judged.scores
     table = FitTable(
         strategy=fit.options.strategy, success=good is not None,
         message=failed or ("" if solution is None else solution.message),
-        verdict=() if good is None or judged is None else verdict(good, judged),
+        verdict=failure(lost) if lost else () if good is None or judged is None else verdict(good, judged),
+        contradiction=None if solution is None else solution.contradiction,
+        simulated_bench=None if judged is None else judged.simulated_bench,
         left_out=() if judged is None else judged.left_out,
         angle_errors=() if judged is None else judged.angle_errors, layers=None if judged is None else judged.layers,
         trials=tuple(FitTrialRow(
@@ -150,7 +159,7 @@ def fit_table(
         synthetic=any(trial.synthetic for trial in every) or (bench is not None and bench.synthetic),
         subject=fit.walker.subject,
         bench=judged.bench if judged is not None else None if bench is None else bench_row(bench),
-        parameters=() if good is None else _parameters(good),
+        parameters=() if told is None else _parameters(told),
         options={**to_plain(dict(options or {})), **to_plain(fit.options)},
         wall_s=None if solution is None else solution.wall_s, versions=provenance()["versions"],
         inputs_sha256={**hashes, **(inputs or {})})
@@ -159,7 +168,7 @@ def fit_table(
     if end is None:
         return table
     table = replace(table, searches=end.searches, best_search=end.best)
-    return table if good is None else replace(table, uncertainty=end.uncertainty, curves=curve_rows(good.values),
+    return table if told is None else replace(table, uncertainty=end.uncertainty, curves=curve_rows(told.values),
                                               noise_ratios=end.noise_ratios())
 
 
