@@ -183,8 +183,8 @@ def test_a_trial_that_taught_its_whole_error_is_predicted_without_one(walker, tr
     assert contact.momentum.trials == (fingerprint(trial),) == (curve.fingerprint,)
     whole = replace(contact, discrepancy=Discrepancy(curves=(curve,), shared=(0.0,) * 3, own=(1.0,) * 3))
     row = layers_of(trial, "again", whole, walker=walker, step_s=STEP_S)
-    physics, last = (row.layers[layer].grf_rmse_bw for layer in ("physics", "discrepancy"))
-    assert row.fitted and row.null_model_grf_rmse_bw is None and last < 0.2 * physics
+    before, last = (row.layers[layer].grf_rmse_bw for layer in ("momentum", "discrepancy"))
+    assert row.fitted and row.null_model_grf_rmse_bw is None and last < 0.2 * before, "but for the ends of stance"
     assert row.layers["discrepancy"].cop_rmse_fl == row.layers["momentum"].cop_rmse_fl
 
 
