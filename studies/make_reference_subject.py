@@ -21,11 +21,11 @@ from virtual_laboratory.bench_truth import write_bench, write_bench_curves
 from virtual_laboratory.figures import null_error, stance_curve, trial_figures
 from virtual_laboratory.markers import write_standing, write_walk
 from virtual_laboratory.motion import Person, base_motion
-from virtual_laboratory.placing import place, set_stage, start
+from virtual_laboratory.placing import place, rise_of_legs, set_stage, start
 from virtual_laboratory.polish import polish
 from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.recording import Recorded, in_radians, record
-from virtual_laboratory.targets import Draw, describe, draw_trials
+from virtual_laboratory.targets import Draw, describe, draw_trials, lifted
 from virtual_laboratory.tiers import draw_placement, exact, laboratory
 from virtual_laboratory.writing import NAME, NOTICE, write_readme, write_subject, write_tables, write_trial
 
@@ -60,7 +60,7 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
     subject = load_yaml(write_subject(out), Subject)
     person, weight = Person(subject, default_model()), subject.mass_kg * GRAVITY
     placement = draw_placement(SEED)
-    figures, curves = {}, {}
+    figures, curves, drawn = {}, {}, {}
     write_bench(out)
     write_bench_curves(out)
     write_standing(out / "markers", person)
@@ -70,17 +70,20 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
         for tier in (exact(trial), laboratory(trial, placement, SEED, draws.index(draw))):
             write_trial(out, trial, tier)
         write_walk(out / "markers", person, draw.name, in_radians(trial.coordinates))
+        drawn[draw.name] = describe(trial.draw)
         figures[draw.name], curves[draw.name] = trial_figures(trial, weight), stance_curve(trial, weight)
         stance, took = figures[draw.name]["stance_s"], time.perf_counter() - began
         print(f"{draw.name}: stance {stance:.3f} s, made in {took:.0f} s")
     null = {one: {other: null_error(curves[one], curves[other]) for other in curves} for one in curves}
-    write_tables(out, {"figures.csv": figures, "draws.csv": {draw.name: describe(draw) for draw in wanted}},
-                 f"{NAME}: {NOTICE}")
+    write_tables(out, {"figures.csv": figures, "draws.csv": drawn}, f"{NAME}: {NOTICE}")
     write_readme(out, figures, null)
 
 
 def walk_trial(person: Person, prosthesis: Prosthesis, draw: Draw, steps: int) -> Recorded:
-    """One trial from its draw to its recording."""
+    """One trial from its draw to its recording, whose draw is the one given that the forces suit the legs."""
+    attempt = start(draw, base_motion)
+    rise = rise_of_legs(person, attempt, set_stage(person, draw, prosthesis, attempt.time_s))
+    draw = lifted(draw, rise)
     attempt = start(draw, base_motion)
     stage = set_stage(person, draw, prosthesis, attempt.time_s)
     place(person, attempt, stage)

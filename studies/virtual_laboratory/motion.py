@@ -149,24 +149,28 @@ class Splines:
     Attributes:
         values: (N, K) of the K splines; each row has DEGREE + 1 non-zero ones from `first` (N,) on.
         roughness: (K, K) mean over time of products of third derivatives.
+        change: (M, K) over one stride, from each instant that is followed by another a stride later.
     """
 
     time_s: np.ndarray
     values: np.ndarray
     first: np.ndarray
     roughness: np.ndarray
+    change: np.ndarray
 
 
-def make_splines(time_s: np.ndarray) -> Splines:
+def make_splines(time_s: np.ndarray, stride_s: float) -> Splines:
     """Clamped splines over the span of `time_s` (N,) s, evenly spaced knots."""
     start, end = float(time_s[0]), float(time_s[-1])
     inner = np.linspace(start, end, round((end - start) / KNOT_SPACING_S) + 1)
     knots = np.concatenate([np.full(DEGREE, start), inner, np.full(DEGREE, end)])
     count = len(knots) - DEGREE - 1
     values = BSpline.design_matrix(np.clip(time_s, start, end), knots, DEGREE).toarray()
+    early = time_s <= end - stride_s
+    later = BSpline.design_matrix(time_s[early] + stride_s, knots, DEGREE).toarray()
     third = BSpline(knots, np.eye(count), DEGREE).derivative(3)(time_s)
     first = np.clip(np.searchsorted(inner, time_s, side="right") - 1, 0, len(inner) - 2)
-    return Splines(time_s, values, first, third.T @ third / len(time_s))
+    return Splines(time_s, values, first, third.T @ third / len(time_s), later - values[early])
 
 
 def base_motion(draw: Draw, time_s: np.ndarray) -> np.ndarray:

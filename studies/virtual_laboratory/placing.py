@@ -18,7 +18,7 @@ from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import COORDINATES, MOVING, TRUNK, Linearised, Person, Splines, cross, make_splines
 from virtual_laboratory.prosthesis import Prosthesis
 from virtual_laboratory.supports import Support, anchor, device_supports, intact_supports, target_centre
-from virtual_laboratory.targets import Draw, intact_force, prosthetic_force, roll_over
+from virtual_laboratory.targets import RISE_M, Draw, harmonics, intact_force, prosthetic_force, roll_over
 from vsf_drake.parameters import GRAVITY
 
 RATE_HZ = 200
@@ -32,16 +32,20 @@ STANDARD = {"pelvis_tx": 0.02, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_ti
             "knee_angle_r": 0.05, "knee_angle_l": 0.06, "knee_adduction": 0.02, "knee_rotation": 0.05,
             "ankle_angle": 0.1, "ankle_adduction": 0.04, "ankle_rotation": 0.04}
 """How far (m, rad) a coordinate may well be from its published curve; the pelvis, from its mean path."""
-TRUNK_STANDARD, PLATE_STANDARD = (0.003,) * 3 + (0.03,) * 3, (0.03, 0.02, 0.03, 0.015, 0.006, 0.003)
+TRUNK_STANDARD, PLATE_STANDARD = (0.001,) * 3 + (0.02, 0.02, 0.03), (0.03, 0.02, 0.03, 0.008, 0.006, 0.003)
 """The same of the trunk (`motion.TRUNK`) and of the intact foot's plate (`balance.PLATE`)."""
+REPEATED = 0.1
+"""How far a correction may well be from itself a stride later, as a multiple of its standard: 0.2 to 0.6 degrees of an
+angle, 2 mm of the pelvis (a choice, below what people's strides differ by)."""
 ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3 = 2.0e3, 1.0e4, 5.0e3
 """Third derivative of a correction that goes with its standard, as a multiple of it."""
 SUPPORT_M, INTACT_SUPPORT_M, ROLL_RAD, CLEARANCE_M = 5e-4, 2e-3, 0.01, 2e-3
 """Tolerated: place of a loaded support of either foot, roll and turn of a loaded foot, height of the sole in swing."""
 INTACT_N = 30.0
 """Tolerated load on the intact foot's spheres (N)."""
-BALANCE = (5.0, 1.0)
-"""Tolerated force (N) and moment (N m) on the whole body that no plate explains; the recording has none."""
+BALANCE, UNBALANCED = (5.0, 1.0), (1e6, 1e6)
+"""Tolerated force (N) and moment (N m) on the whole body that no plate explains; the recording has none. Without asking
+for a balance."""
 LIFT_M, HELD_M, AWAY_S = 0.024, 0.012, 0.10
 """Wished height of the sole in swing and how far above it counts as near, so long after lift-off and before strike."""
 
@@ -93,7 +97,7 @@ def roughness() -> np.ndarray:
 
 def start(draw: Draw, base: Callable[[Draw, np.ndarray], np.ndarray]) -> Attempt:
     time_s = recorded_time(draw)
-    splines, motion = make_splines(time_s), base(draw, time_s)
+    splines, motion = make_splines(time_s, draw.stride_s), base(draw, time_s)
     whole = np.column_stack([motion, np.zeros((len(time_s), FUNCTIONS - motion.shape[1]))])
     return Attempt(draw, time_s, whole, splines, np.zeros((FUNCTIONS, splines.values.shape[1])))
 
@@ -132,7 +136,7 @@ def set_stage(person: Person, draw: Draw, prosthesis: Prosthesis, time_s: np.nda
                  IntactPlate(load, centre))
 
 
-def place(person: Person, attempt: Attempt, stage: Stage) -> None:
+def place(person: Person, attempt: Attempt, stage: Stage, balance: tuple[float, float] = BALANCE) -> None:
     """Puts both feet on the floor where they carry their forces."""
     draw, weight = attempt.draw, person.subject.mass_kg * GRAVITY
     prosthetic = weight * prosthetic_force(draw, attempt.time_s)
@@ -140,11 +144,22 @@ def place(person: Person, attempt: Attempt, stage: Stage) -> None:
     _shift(person, attempt, stage.device)
     for _ in range(PLACING):
         body = person.linearise(attempt.u[:, :MOVING])
-        targets = common_targets(person, attempt, stage, body, points, wished)
+        targets = common_targets(person, attempt, stage, body, points, wished, balance)
         for support in stage.device:
             anchor(targets, body, support, SUPPORT_M)
         level(targets, body, DEVICE, prosthetic[:, 2] / weight, -np.radians(draw.toe_out_deg), ROLL_RAD)
         attempt.c += targets.solve()
+
+
+def rise_of_legs(person: Person, attempt: Attempt, stage: Stage) -> np.ndarray:
+    """(3,) m for `targets.lifted`, of a motion that nothing but the legs' reach lifts."""
+    place(person, attempt, stage, UNBALANCED)
+    body = person.linearise(attempt.u[:, :MOVING])
+    points = stage.points.together(stage.worn)
+    height = (points.mass @ points.places(body.R_WB, body.p_WB))[:, 2] / points.mass.sum()
+    part = np.arange(400) / 400.0
+    height = np.interp(part * attempt.draw.stride_s, attempt.time_s, height)
+    return harmonics(height, len(RISE_M))
 
 
 def wished_balance(person: Person, attempt: Attempt, stage: Stage, force: np.ndarray) -> tuple[MassPoints, Wrench]:
@@ -176,6 +191,7 @@ def common_targets(person: Person, attempt: Attempt, stage: Stage, body: Lineari
     correction[:, :3] -= correction[:, :3].mean(axis=0)
     targets.values(-correction, sigma)
     targets.smooth(attempt.c, roughness())
+    targets.repeat(attempt.c, REPEATED * sigma)
     for support in stage.intact:
         anchor(targets, body, support, INTACT_SUPPORT_M)
     load = stage.plate.wrench(u[:, MOVING:]).force[:, 2]

@@ -42,7 +42,7 @@ STRIKE_S, STRIKE_M = 0.013, 5e-4
 """So long before and after heel strike the foot is kept in its place, to about so much."""
 SHEAR_N_PER_M, SOFTEST_N_PER_M = 15e3, 8e3
 PROBE_M, PROBE_RAD = 1e-3, 0.005
-FORCE_N, SHEAR_N, CENTRE_M = 6.0, 4.0, 0.012
+FORCE_N, SHEAR_N, CENTRE_M = 12.0, 4.0, 0.012
 """Tolerated: vertical and horizontal force, place of the centre of pressure."""
 LARGEST_N, LOADED_N, RELAXATION = 1000.0, 20.0, 0.7
 """Largest error that is corrected at once; load that counts; share of the error that is corrected."""

@@ -18,7 +18,7 @@ from virtual_laboratory.closing import Trunk, close, missing
 from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import COORDINATES, MOVING, TRUNK, Person, trunk_turn
 from virtual_laboratory.placing import RATE_HZ, Attempt, Stage, roughness, set_stage, standard_deviations
-from virtual_laboratory.polish import CLOSE_BALANCE, FORCE_HZ, limb_load
+from virtual_laboratory.polish import FORCE_HZ, limb_load
 from virtual_laboratory.prosthesis import Prosthesis, centre_of_pressure
 from virtual_laboratory.reaction import Reaction
 from virtual_laboratory.targets import Draw
@@ -29,8 +29,9 @@ DECIMALS = 7
 """Of what is written: 1e-7 m and 1e-7 degrees."""
 MOVED_M = 0.5
 """How far ahead of the laboratory's origin the foot comes down."""
-CLOSING = 3
-"""Steps of the last fit, of trunk and intact plate alone."""
+CLOSING, RECORDED_BALANCE = 3, (0.3, 0.06)
+"""Steps of the last fit, of trunk and intact plate alone, and force (N) and moment (N m) that it tolerates: integrated,
+what is left sets the trunk adrift."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, stage: Stag
         targets.values(attempt.base - u, sigma)
         targets.smooth(c, roughness())
         ask_balance(targets, person.linearise(u[:, :MOVING]), stage.points, 1.0 / RATE_HZ, seen, stage.plate,
-                    u[:, MOVING:], CLOSE_BALANCE)
+                    u[:, MOVING:], RECORDED_BALANCE)
         change = targets.solve(active)
         c += change
         u += attempt.splines.values @ change.T

@@ -9,7 +9,7 @@ to one source). Stance times are published (McGeehan 2021, doi 10.1115/1.4050456
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -47,12 +47,20 @@ SPREAD = {
     "braking_bw": (0.12, 0.010),
     "propulsion_bw": (0.105, 0.010),
     "lateral_bw": (0.045, 0.006),
+    "intact_first_peak_bw": (1.08, 0.05),
+    "intact_trough_bw": (0.79, 0.025),
+    "intact_second_peak_bw": (1.07, 0.05),
     "roll_over": (0.0, 0.02),
 }
 """Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs
 from stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones."""
+SHAPING = ("duty", "intact_duty", "intact_step", "first_peak_bw", "trough_bw", "second_peak_bw", "loading",
+           "first_peak_at", "trough_at", "second_peak_at", "unloading", "intact_first_peak_bw", "intact_trough_bw",
+           "intact_second_peak_bw")
+"""Of these, what shapes the vertical force over a stride."""
 BY_SPEED = {"duty": -0.062, "intact_duty": -0.062, "knee_loading_deg": 6.8, "first_peak_bw": 0.286, "trough_bw": -0.262,
-            "second_peak_bw": 0.119, "braking_bw": 0.124, "propulsion_bw": 0.097}
+            "second_peak_bw": 0.119, "braking_bw": 0.124, "propulsion_bw": 0.097, "intact_first_peak_bw": 0.286,
+            "intact_trough_bw": -0.262, "intact_second_peak_bw": 0.119}
 """How these means change per m/s from REFERENCE_SPEED_M_PER_S on: as between the able-bodied groups slow (0.88 m/s) and
 free (1.30 m/s with a leg of 0.93 m) of Schwartz 2008 (doi 10.1016/j.jbiomech.2008.03.015); braking, propulsion and knee
 flexion in proportion to their smaller means here."""
@@ -70,6 +78,8 @@ LOADED_BW = 20.0 / (78.0 * 9.81)
 """Vertical force at which a stance begins and ends: 20 N of the reference subject's weight."""
 MEAN_SPEED_M_PER_S, MEAN_STANCE_S, SPEED_PER_STANCE = 1.10, 0.743, 0.8
 """Faster (m/s) by 0.8 per second of shorter stance, about the mean of the published stance times: 1.0 to 1.2 m/s."""
+RISE_M, CONDITIONED = (1e-3, 1.5e-3, 3e-3), 6
+"""Tolerated amplitudes (m) of the centre of mass's height, once to three times a stride, and steps; see `lifted`."""
 WIDEST_SD = 1.6
 """No draw lies farther from its mean than this many standard deviations."""
 
@@ -84,7 +94,7 @@ class Draw:
         step_width_m, toe_out_deg: of the feet on the floor.
         tilt_deg: added to the published anterior tilt; list_scale, rotation_scale: of the published pelvic curves.
         knee_loading_deg: prosthetic knee's flexion under load at the start of the fit.
-        first_peak_bw ... lateral_bw: forces in body weights; ..._at: when, in parts of stance.
+        first_peak_bw ... intact_second_peak_bw: forces in body weights; ..._at: when, in parts of stance.
         loading, unloading: how much later the foot takes over and gives up its load, in parts of stance.
         roll_over: how much later the centre of pressure passes along the foot, in parts of stance.
     """
@@ -114,6 +124,9 @@ class Draw:
     braking_bw: float
     propulsion_bw: float
     lateral_bw: float
+    intact_first_peak_bw: float
+    intact_trough_bw: float
+    intact_second_peak_bw: float
     roll_over: float
 
     @property
@@ -177,6 +190,41 @@ def draw_trials(seed: int | Sequence[int], speed_m_per_s: float | None = None, *
     return trials
 
 
+def lifted(draw: Draw, rise: np.ndarray) -> Draw:
+    """The draw given that its forces let the body rise and fall as its legs do.
+
+    Independent draws of times and peaks do not: 1 % of the weight once a stride lifts the centre of mass by 4 mm over
+    one foot. With S the draw's variances, x <- S J^T (J S J^T + RISE_M^2)^-1 (h + J x - h(x)) leads to the mean of a
+    normal x given h(x) = h.
+
+    Args:
+        rise: (3,) m, complex amplitudes of the centre of mass's height at one to three times a stride's frequency.
+    """
+    def reached(draw: Draw) -> np.ndarray:
+        part = np.arange(400) / 400.0
+        vertical = (prosthetic_force(draw, part * draw.stride_s) + intact_force(draw, part * draw.stride_s))[:, 2]
+        times = np.arange(1, len(rise) + 1)
+        height = -GRAVITY * harmonics(vertical, len(rise)) * (draw.stride_s / (2.0 * np.pi * times)) ** 2
+        return np.concatenate([height.real, height.imag])
+
+    def moved(x: np.ndarray) -> Draw:
+        return replace(draw, **{name: getattr(draw, name) + float(by) * SPREAD[name][1]
+                                for name, by in zip(SHAPING, x, strict=True)})
+
+    x, wished, tolerated = np.zeros(len(SHAPING)), np.concatenate([rise.real, rise.imag]), np.square([*RISE_M, *RISE_M])
+    for _ in range(CONDITIONED):
+        h = reached(moved(x))
+        J = np.column_stack([reached(moved(x + row)) - h for row in 0.1 * np.eye(len(x))]) / 0.1
+        x = J.T @ np.linalg.solve(J @ J.T + np.diag(tolerated), wished + J @ x - h)
+    return moved(x)
+
+
+def harmonics(values: np.ndarray, count: int) -> np.ndarray:
+    """(count,) complex amplitudes of the first harmonics of `values` (n,), evenly over one stride."""
+    part = np.arange(len(values)) / len(values)
+    return np.asarray(2.0 * np.exp(-2j * np.pi * np.outer(np.arange(1, count + 1), part)) @ values / len(values))
+
+
 def describe(draw: Draw) -> dict[str, float]:
     """The draw's numbers by name."""
     return {f.name: getattr(draw, f.name) for f in fields(draw) if f.name not in ("condition", "number")}
@@ -225,10 +273,9 @@ def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
     """(n, 3) in body weights in W: of the intact foot, so that both feet carry the person over a stride.
 
     Vertical and lateral impulses over one stride balance weight and the other foot exactly; the forward one likewise.
-    Peaks and trough change with speed by the slopes of `BY_SPEED`, the able-bodied ones.
     """
     d = draw
-    high, deep, late = (BY_SPEED[name] * d.faster_m_per_s for name in ("first_peak_bw", "trough_bw", "second_peak_bw"))
+    first, middle, second = d.intact_first_peak_bw, d.intact_trough_bw, d.intact_second_peak_bw
     brake, push = 1.0 + 1.03 * d.faster_m_per_s, 1.0 + 0.92 * d.faster_m_per_s
     length = d.intact_duty * d.stride_s
     fine = np.linspace(-0.1, d.stride_s - 0.1, 2001)
@@ -237,9 +284,8 @@ def intact_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
 
     def shape(x: np.ndarray) -> np.ndarray:
         vertical = _curve(x, [
-            (0.04, 0.17), (0.10, 0.5), (0.15, 0.85 + 0.5 * high), (0.23, 1.08 + high),
-            (0.35, 0.92 + 0.5 * (high + deep)), (0.47, 0.78 + deep),
-            (0.60, 0.90 + 0.5 * (deep + late)), (0.76, 1.07 + late), (0.87, 0.78 + 0.5 * late),
+            (0.04, 0.17), (0.10, 0.5), (0.15, 0.31 + 0.5 * first), (0.23, first), (0.35, 0.5 * (first + middle) - 0.01),
+            (0.47, middle), (0.60, 0.5 * (middle + second) - 0.025), (0.76, second), (0.87, 0.245 + 0.5 * second),
             (0.94, 0.35), (0.97, 0.12)])
         forward = _curve(x, [
             (0.05, -0.035 * brake), (0.17, -0.145 * brake), (0.33, -0.07 * brake), (0.52, 0.0), (0.70, 0.08 * push),

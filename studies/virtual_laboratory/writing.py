@@ -139,7 +139,9 @@ def write_readme(folder: Path, figures: dict[str, dict[str, float]], null: dict[
              "step_width_mm": ("step width mm", 1, 0), "intact_first_peak_bw": ("intact peak 1 %BW", 100, 1),
              "intact_second_peak_bw": ("intact peak 2 %BW", 100, 1),
              "residual_force_bw": ("unexplained %BW", 100, 4), "lumped_force_rms_bw": ("trunk lumped %BW", 100, 1),
-             "trunk_shift_rms_mm": ("trunk's shift mm", 1, 1)}
+             "lumped_vertical_rms_bw": ("of it vertical", 100, 1), "lumped_fore_aft_rms_bw": ("fore-aft", 100, 1),
+             "trunk_shift_rms_mm": ("trunk's shift mm", 1, 1), "trunk_shift_mm": ("at most", 1, 1),
+             "gain_m_per_s": ("gains m/s", 1, 3), "stride_ends_deg": ("ends °", 1, 1)}
     achieved = {trial: [f"{scale * row[key]:.{digits}f}" for key, (_, scale, digits) in shown.items()]
                 for trial, row in figures.items()}
     stretched = {one: [f"{100 * error:.1f}" if other != one else "-" for other, error in row.items()]

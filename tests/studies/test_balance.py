@@ -18,7 +18,7 @@ from virtual_laboratory.motion import Person
 from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.reaction import Reaction
 from virtual_laboratory.recording import Recorded
-from virtual_laboratory.targets import draw_trials
+from virtual_laboratory.targets import RISE_M, draw_trials, harmonics, intact_force, lifted, prosthetic_force
 
 from vsf_drake.motion.trial import default_model
 from vsf_drake.parameters import GRAVITY, Subject
@@ -170,6 +170,25 @@ def test_a_walk_at_each_speed_lies_in_the_published_bands_on_both_sides(person, 
     slow = speed < 1.2
     assert (1.09 if slow else 0.95) < found["stride_s"] < (1.49 if slow else 1.22)  # GAITRite, slow and normal
     assert found["swing_clearance_mm"] > 5.0 and 48.0 < found["step_width_mm"] < 200.0
+    # the next stride is like this one: within what people's strides differ by, 2 % of the speed and 2 degrees
+    assert abs(found["gain_m_per_s"]) < 0.02 * speed and found["stride_ends_deg"] < 2.0
+    assert found["trunk_shift_rms_mm"] < 10.0  # head, arms and trunk stay on the pelvis
+
+
+def test_forces_of_a_draw_lift_the_body_as_its_legs_do():
+    """The centre of mass's path by integrating the forces twice in steps of 0.1 ms."""
+    rise = np.array([0.003 - 0.002j, -0.016 + 0.006j, 0.0])
+    for drawn in draw_trials(SEED)[::4]:
+        off = []
+        for draw in (drawn, lifted(drawn, rise)):
+            time = np.arange(round(draw.stride_s / 1e-4)) * 1e-4
+            up = (prosthetic_force(draw, time) + intact_force(draw, time))[:, 2] - 1.0
+            assert abs(up.mean()) < 1e-4  # the weight is carried
+            speed = np.cumsum(up - up.mean()) * GRAVITY * 1e-4
+            height = np.cumsum(speed - speed.mean()) * 1e-4
+            off.append(np.abs(harmonics(height, 2) - rise[:2]))
+        assert off[1][0] < RISE_M[0] and off[1][1] < off[0][1]
+        assert (draw.step_width_m, draw.speed_m_per_s) == (drawn.step_width_m, drawn.speed_m_per_s)
 
 
 def test_faster_people_step_oftener_load_and_push_more():
