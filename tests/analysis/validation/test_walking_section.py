@@ -18,6 +18,7 @@ from shown_chapter import Shown
 
 from vsf_drake.analysis.comparison import compare, percent_instants, rmse
 from vsf_drake.analysis.contact_fit.assessment import swept
+from vsf_drake.analysis.prediction import learned
 from vsf_drake.analysis.validation import walking_section as walking
 from vsf_drake.analysis.validation.study import Spread, StudyOptions, spread
 from vsf_drake.analysis.validation.walking_section import (
@@ -42,6 +43,7 @@ from vsf_drake.analysis.validation.walking_section import (
     walk_curves,
     walking_section,
 )
+from vsf_drake.motion.trial import load_trial
 from vsf_drake.report.validation.walking_chapter import walking_chapter
 from vsf_drake.simulation.batch import WalkOutcome
 from vsf_drake.simulation.walk import Walker
@@ -392,6 +394,24 @@ def test_walks_of_a_sweep_that_failed_are_unknown_and_said_with_the_reason(monke
     said = [sentence for sentence in found.missing if "other software" in sentence]
     assert len(said) == 1 and f"of the {QUICK_POSITIONS} walks" in said[0]
     assert "not known of low_2" in Shown(walking_chapter(found.table, found.arrays)).words
+
+
+def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(section):
+    study = embedded_study()
+    bare = dataclasses.replace(study.contact, momentum=None, discrepancy=None)
+    assert walking.layer_rows(dataclasses.replace(study, contact=bare)) == ()
+    fitted = [load_trial(study.walks[0].recorded.path.with_name(f"{one.name}.yaml")) for one in bare.trials]
+    first = study.walks[0].trial
+    taught = learned(bare, fitted, walker=Walker(first.subject, first.model), step_s=study.options.step_s)
+    rows = walking.layer_rows(dataclasses.replace(study, contact=taught))
+    assert [(row.label, row.role) for row in rows] == [(walk.label, walk.role) for walk in study.walks]
+    for row, walk in zip(rows, study.walks, strict=True):
+        assert row.physics_grf_rmse_bw == pytest.approx(walk.metrics.grf_rmse_bw, rel=1e-9)
+        assert row.null_model_grf_rmse_bw > 0.0 and row.null_model_predicted_times_grf_rmse_bw > 0.0
+    shown = Shown(walking_chapter(dataclasses.replace(section.table, layers=rows), section.arrays))
+    assert shown.grids["walking_layers"].rows == rows
+    alone = dataclasses.replace(section.table, layers=())
+    assert "walking_layers" not in Shown(walking_chapter(alone, section.arrays)).grids
 
 
 def test_rows_hold_the_walks_metrics_and_the_summary_their_mean(section):

@@ -25,6 +25,7 @@ from vsf_drake.analysis.comparison import (
     uniform_grid,
 )
 from vsf_drake.analysis.fulcrum_sweep import SWEEP_POSITIONS, SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
+from vsf_drake.analysis.prediction import layers_of
 from vsf_drake.analysis.sweep_table import scores
 from vsf_drake.analysis.validation.study import (
     FITTED,
@@ -48,6 +49,7 @@ from vsf_drake.parameters import GRAVITY
 from vsf_drake.sentences import say
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
+from vsf_drake.simulation.walk import Walker
 
 ROLES = (HELD_OUT, FITTED, OFFSETS_FITTED)
 
@@ -129,6 +131,20 @@ class RoleSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LayerRow:
+    """A walk's resultant error in the layers of `analysis.prediction`, and the null models of the fitted trials."""
+
+    label: str
+    role: str
+    physics_grf_rmse_bw: float | None
+    momentum_grf_rmse_bw: float | None
+    discrepancy_grf_rmse_bw: float | None
+    null_model_grf_rmse_bw: float | None
+    null_model_predicted_times_grf_rmse_bw: float | None
+    momentum_corrects: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class WalkingTable:
     """The walking section; conditions are softest first, summaries None without a walk of that role."""
 
@@ -138,6 +154,7 @@ class WalkingTable:
     fitted: RoleSummary | None
     offsets_fitted: RoleSummary | None
     angle_errors: tuple[AngleErrorRow, ...]
+    layers: tuple[LayerRow, ...]  # none without a contact that keeps what its plates taught
     stance_r: float | None  # Pearson's over all walks
     stance_n: int
     angle_rmse_deg: float | None  # prescribed rotations, followed against commanded
@@ -149,6 +166,23 @@ class WalkingTable:
     difference_method: str | None
     differences: tuple[GroupDifference, ...]
     synthetic: bool
+
+
+def layer_rows(study: Study) -> tuple[LayerRow, ...]:
+    """Every walk in layers; none without a contact that keeps what its plates taught."""
+    contact = study.contact
+    if contact is None or not (contact.momentum or contact.discrepancy):
+        return ()
+    rows = []
+    for walk in study.walks:
+        found = layers_of(walk.recorded, walk.label, contact, step_s=study.options.step_s,
+                          walker=Walker(walk.trial.subject, walk.trial.model))
+        rows.append(LayerRow(
+            label=walk.label, role=walk.role, momentum_corrects=found.correction.believed,
+            null_model_grf_rmse_bw=found.null_model_grf_rmse_bw,
+            null_model_predicted_times_grf_rmse_bw=found.null_model_predicted_times_grf_rmse_bw,
+            **{f"{layer}_grf_rmse_bw": score.grf_rmse_bw for layer, score in found.layers.items()}))
+    return tuple(rows)
 
 
 def walking_section(study: Study, *, progress: Progress | None = None) -> Section[WalkingTable]:
@@ -184,7 +218,8 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     right = [row.sweep.right for row in rows if row.sweep is not None]
     table = WalkingTable(
         rows=tuple(rows), conditions=tuple(condition(x, own) for x, own in by_position.items()), held_out=held_out,
-        fitted=fitted, offsets_fitted=offsets_fitted, angle_errors=angle_errors, stance_r=stance_r, stance_n=stance_n,
+        fitted=fitted, offsets_fitted=offsets_fitted, angle_errors=angle_errors, layers=layer_rows(study),
+        stance_r=stance_r, stance_n=stance_n,
         angle_rmse_deg=finite(rms(walk.metrics.angle_rmse_deg for walk in study.walks)),
         angle_lag_ms=max((ms for walk in study.walks for ms in lags_ms(walk.result)), key=abs, default=None),
         angle_recording_rmse_deg=finite(rms(
