@@ -237,26 +237,20 @@ def _descend(
     tolerance: float | None = None, most: int | None = None
 ) -> tuple[bool, str]:
     """Gauss-Newton in a box as trust region (Conn, Gould & Toint 2000, Trust-Region Methods, ch. 6), within the bounds;
-    whether it converged, and how it ended. Leaves the last point in `tried.last`.
-
-    Where the cost has a kink, a step is promised that is not to be had. So the slopes of points beside it that were
-    rejected count in the mean with the point's own: across a kink they cancel (Burke, Lewis & Overton 2005, gradient
-    sampling, doi 10.1137/030601296).
-    """
+    whether it converged, and how it ended. Leaves the last point in `tried.last`. At a kink of the cost a step is
+    promised that is not to be had: there the region shrinks until no step is left."""
     fit, (low, high) = tried.fit, tried.fit.parameters.bounds
     tolerance, most = tolerance or fit.joint.tolerance, most or fit.joint.iterations
 
     def at(u: np.ndarray) -> FitEvaluation | None:
         return tried.at(u, noise=noise, step_s=step_s)
 
-    u, here, radius, beside = start, at(start), RADIUS, list[tuple[np.ndarray, np.ndarray]]()
+    u, here, radius = start, at(start), RADIUS
     tried.last, tried.rough = u, False
     if here is None:
         return False, f"the walk fails on the way: {tried.failure}"
     while tried.count < most:
-        near = [jacobian for other, jacobian in beside if np.abs(other - u).max() <= 2.0 * radius]
-        s, promised = _step(np.mean([here.jacobian, *near], axis=0), here.residual, np.maximum(low - u, -radius),
-                            np.minimum(high - u, radius))
+        s, promised = _step(here.jacobian, here.residual, np.maximum(low - u, -radius), np.minimum(high - u, radius))
         size = float(np.abs(s).max())
         if promised < tolerance * here.cost and size < 0.99 * radius:
             return True, f"a step betters the cost by less than {tolerance:g} of it"
@@ -266,13 +260,10 @@ def _descend(
             radius = 0.5 * size if gain < 0.25 * promised else radius
             if gain > 0.7 * promised and size > 0.9 * radius:
                 radius = min(2.0 * radius, LARGEST_RADIUS)
-            u, here, beside = np.clip(u + s, low, high), there, []
-            tried.last = u
-        elif there is not None:
-            beside.append((np.clip(u + s, low, high), there.jacobian))
-            radius = 0.25 * size
+            tried.last = u = np.clip(u + s, low, high)
+            here = there
         else:
-            radius = 0.1 * size
+            radius = (0.1 if there is None else 0.25) * size
         if radius < SMALLEST_RADIUS:
             tried.rough = there is not None
             if there is None:
