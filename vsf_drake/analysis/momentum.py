@@ -8,8 +8,9 @@ foot gives what momentum needs, by Legendre coefficients 0, 1, 2 over each windo
     minimise over c    |(L needed - bias - L foot(c)) / sigma|^2 + |c / prior|^2,
 
 with bias the mean over the fitted trials of L (needed - plate): what the recorded motion misses of the person's own
-momentum. The derivative of the foot's force is exact; that of m a_com, some hundredths of a percent of body weight per
-degree, is left out of the Jacobian, not of the residual.
+momentum. Where it misses differently from trial to trial, sigma is so much larger. The derivative of the foot's force
+is exact; that of m a_com, some hundredths of a percent of body weight per degree, is left out of the Jacobian, not of
+the residual.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from scipy.stats import chi2
 
 from vsf_drake.analysis.comparison import walk_axes, walking_direction
 from vsf_drake.contact_file import MomentumBias
@@ -39,8 +39,9 @@ MOST_STEPS, ENOUGH = 4, 0.02  # of Gauss-Newton; it ends when no correction move
 FIT_STEP_S = 2e-3
 SWINGING_M_PER_S, TRIMMED_S, SHORTEST_S = 0.75, 0.02, 0.2
 """A window: the intact foot's slowest sphere is faster than this, less so much at both ends, and as long as this."""
-UNLIKELY = 0.99
-"""Share of its chi-squared distribution beyond which the biases of the fitted trials differ too much to be believed."""
+MOST_SPREAD = 3.0
+"""Times SIGMA_BW by which the fitted trials' biases may differ: where both components do by more, nothing is believed
+(a choice). One that differs by less, but more than SIGMA_BW says, has so much larger an error."""
 STANDING_BW, MOST_MOVED_BW = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), 0.3
 """What momentum needs of who stands, and how far a walk's single support departs from that at most (a choice: the
 embedded walks do by 0.1): a motion that needs more was not recorded as it was. The foot has no say in either test."""
@@ -94,8 +95,10 @@ def corrected(
 ) -> MomentumCorrection:
     """What momentum makes of a trial that has the fitted contact; heading (2,) of its walk, `errors` as `predict`'s."""
     began = time.perf_counter()
-    if not alike(bias):
+    spread = spread_of(bias)
+    if spread.min() > MOST_SPREAD:
         return MomentumCorrection(believed=False, why_not="spread")
+    sigma = spread * SIGMA_BW
     bias_bw, c = np.array([*bias.fore_aft_bw, *bias.vertical_bw]), np.zeros(len(PRIOR))
     missing, windows = list[np.ndarray](), tuple[slice, ...]()
     for _ in range(MOST_STEPS):
@@ -114,7 +117,7 @@ def corrected(
         by = np.stack([coefficients(walk, windows, walk.sensitivity.grf_W[:, :, p], trial, heading)
                        for p in range(len(c))], axis=1)
         # In units of sigma and prior a Gauss-Newton step is ridge regression on what would be missing without c.
-        r, J = (missing[-1] + by @ c) / SIGMA_BW, by * PRIOR / SIGMA_BW[:, None]
+        r, J = (missing[-1] + by @ c) / sigma, by * PRIOR / sigma[:, None]
         new = PRIOR * np.linalg.solve(J.T @ J + np.eye(len(c)), J.T @ r)
         after, moved, c = missing[-1] - by @ (new - c), np.abs(new - c) / PRIOR, new
         if moved.max() < ENOUGH:
@@ -126,12 +129,13 @@ def corrected(
         windows_s=tuple((float(walk.record.time_s[w][0]), float(walk.record.time_s[w][-1])) for w in windows))
 
 
-def alike(bias: MomentumBias) -> bool:
-    """Whether the fitted trials' biases differ by no more than SIGMA_BW explains; one trial cannot differ."""
+def spread_of(bias: MomentumBias) -> np.ndarray:
+    """(6,) by how many times SIGMA_BW the fitted trials' biases differ, at least 1: the root mean square over the
+    coefficients of each component, since few trials do not tell them one by one; 1 where one trial tells nothing."""
     if bias.fore_aft_sd_bw is None or bias.vertical_sd_bw is None:
-        return True
-    ratio, freedom = np.array([*bias.fore_aft_sd_bw, *bias.vertical_sd_bw]) / SIGMA_BW, len(bias.trials) - 1
-    return bool(freedom * np.sum(ratio**2) <= chi2.ppf(UNLIKELY, freedom * len(ratio)))
+        return np.ones(len(SIGMA_BW))
+    ratio = np.array([bias.fore_aft_sd_bw, bias.vertical_sd_bw]) / SIGMA_BW.reshape(2, 3)
+    return np.repeat(np.maximum(1.0, np.sqrt(np.mean(ratio**2, axis=1))), 3)
 
 
 def needed_force(walk: Walk) -> np.ndarray:

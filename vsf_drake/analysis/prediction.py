@@ -15,7 +15,6 @@ import numpy as np
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
 from vsf_drake.analysis.discrepancy import (
     COMPONENTS,
-    UNTRIED,
     earned,
     interpolated,
     over_stances,
@@ -184,7 +183,7 @@ def layer_sentences(table: LayerTable) -> list[str]:
     positions = np.array([curve.fulcrum_m for curve in known.curves] if known else [])
     return say(
         "prediction", earned=table.earned, **{layer: table.mean(layer, "grf_rmse_bw") for layer in LAYERS},
-        null=float(np.mean(nulls[0])) if nulls[0] else None, untried=table.untried, untried_share=UNTRIED,
+        null=float(np.mean(nulls[0])) if nulls[0] else None, untried=table.untried,
         null_predicted=float(np.mean(nulls[1])) if nulls[1] else None,
         refused=[row for row in rows if not row.correction.believed],
         believed=[row for row in rows if row.correction.believed],
