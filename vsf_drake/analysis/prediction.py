@@ -181,8 +181,11 @@ def layer_sentences(table: LayerTable) -> list[str]:
              for name in ("", "predicted_times_")]
     known = table.discrepancy
     positions = np.array([curve.fulcrum_m for curve in known.curves] if known else [])
+    judged = [(error, row.null_model_grf_rmse_bw) for row in rows if table.earned and (
+        error := row.layers[table.earned].grf_rmse_bw) is not None and row.null_model_grf_rmse_bw is not None]
     return say(
-        "prediction", earned=table.earned, **{layer: table.mean(layer, "grf_rmse_bw") for layer in LAYERS},
+        "prediction", earned=table.earned, judged=len(judged), below=sum(error < null for error, null in judged),
+        **{layer: table.mean(layer, "grf_rmse_bw") for layer in LAYERS},
         null=float(np.mean(nulls[0])) if nulls[0] else None, untried=table.untried,
         null_predicted=float(np.mean(nulls[1])) if nulls[1] else None,
         refused=[row for row in rows if not row.correction.believed],
