@@ -88,7 +88,7 @@ def both_devices(stored: dict[str, Any]) -> Numbers:
 
 
 def fitted_session(stored: dict[str, Any]) -> Numbers:
-    """The fitted values of the first person on a trial of the same day that was held out."""
+    """The first person's true values, and the fitted ones on a trial of the same day that was held out."""
     case = session_fit.CASES[0]
     pair, fit = stored["cases"][case.name], session_fit.fit_of(case, session_fit.DATA)
     held = session_fit.read(session_fit.DATA, case, "medium_2")
@@ -97,6 +97,8 @@ def fitted_session(stored: dict[str, Any]) -> Numbers:
     found = vars(walk_metrics(result, held.prosthetic_plate, comparison=comparison))
     for key, was in pair["walked"]["medium_2"].items():
         yield f"{case.name} medium_2 {key}", found[key], was
+    for name, true in session_fit.truths(case, session_fit.DATA).items():
+        yield f"{case.name} true {name}", true, pair["end"]["parameters"][name]["truth"]
 
 
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {

@@ -7,7 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from virtual_laboratory import session as module
+from virtual_laboratory.body import SHANK
 from virtual_laboratory.floor import session_floor
 from virtual_laboratory.motion import COORDINATES, Person
 from virtual_laboratory.polish import shank_poses
@@ -24,6 +26,7 @@ from virtual_laboratory.session import (
     session_tier,
     slow,
 )
+from virtual_laboratory.truth import angle_errors, true_values
 from virtual_laboratory.writing import REFERENCE, write_subject, write_trial
 
 from vsf_drake.files import resource
@@ -32,6 +35,7 @@ from vsf_drake.motion.markers.joints import coordinates_of, orientations_of
 from vsf_drake.motion.trial import default_model, load_trial
 from vsf_drake.parameters import FootParameters, SocketParameters, Subject
 from vsf_drake.plants.anthropometry import scale_body
+from vsf_drake.plants.foot import mount_pose
 from vsf_drake.simulation.walk import Walker
 
 
@@ -193,3 +197,63 @@ def test_a_mirror_image_walks_as_the_mirror_image(trial, tmp_path):
     loaded = np.isfinite(measured.cop_W[:, 0])
     np.testing.assert_allclose(mirrored.cop_W[loaded], measured.cop_W[loaded] * flip, atol=1e-9)
     np.testing.assert_allclose(mirrored.free_moment_nm, -measured.free_moment_nm, atol=1e-9)
+
+
+@pytest.fixture(scope="module", params=["right", "left"])
+def recorded(request, person, trial, tmp_path_factory):
+    """The walk as a session recorded it, written and read again as a right- and as a left-sided person's."""
+    session = draw_session(person, seed=(2,), name="")
+    tier = session_tier(trial, session, "tier", (0, 3))
+    folder = tmp_path_factory.mktemp(request.param)
+    write_subject(folder, f"mass_kg: 78.0\nstature_m: 1.81\nsex: male\nprosthetic_side: {request.param}\n")
+    write_trial(folder, trial, tier, dataclasses.replace(REFERENCE, mirrored=request.param == "left"))
+    return session, tier, load_trial(folder / "tier" / "medium_1.yaml")
+
+
+def standing(trial, loaded):
+    """(N,) at which the prosthetic foot stands the first time."""
+    force = np.interp(trial.time_s, trial.force_time_s, trial.right.force[:, 2])
+    return (force > 20.0) & (trial.time_s < loaded.end_s)
+
+
+def test_a_trials_errors_of_angles_are_found_without_its_walk(recorded, trial):
+    """By the walk itself: true less recorded over the plate's stance, to what turns of some degrees do not commute by:
+    0.1 rad of unknown hip rotation times 2.6 degrees."""
+    session, tier, loaded = recorded
+    found = angle_errors(session, loaded, trial.draw.stride_s, (0, 3))
+    inside = standing(trial, loaded)
+    for name in found:
+        off = (trial.coordinates - tier.coordinates)[inside, COORDINATES.index(f"{name}_r")].mean()
+        assert np.degrees(found[name]) == pytest.approx(off, abs=0.26), name
+    assert max(map(abs, found.values())) > np.radians(1.0), "else the test tells nothing"
+
+
+def test_true_values_put_the_true_foot_under_a_person_whose_other_errors_are_taken_off(recorded, person, trial):
+    """The keel frame in the world, but for what it is off to the side: to the 0.26 degrees of the test above, of each
+    angle, and to these over the leg's 0.9 m."""
+    session, tier, loaded = recorded
+    session = dataclasses.replace(session, person=dataclasses.replace(person, prosthesis_inversion_rad=0.03))
+    side, foot = loaded.subject.prosthetic_side[0], FootParameters()
+    values = true_values(session, [(loaded, trial.draw.stride_s, (0, 3))])
+    assert len(values) == 8 and all(name.endswith(f"_{side}") for name in values if name.startswith("coordinate"))
+    corrected = trial.coordinates.copy()
+    for name in ("hip_flexion", "knee_angle", "hip_adduction"):
+        column = COORDINATES.index(f"{name}_r")
+        error = tier.coordinates[:, column] - trial.coordinates[:, column]
+        corrected[:, column] += error[standing(trial, loaded)].mean() + np.degrees(values[f"coordinate.{name}_{side}"])
+    mount = {name.removeprefix("offset."): value for name, value in values.items() if name.startswith("offset")}
+
+    def keel(coordinates, subject, **offsets):
+        q = np.radians(coordinates[::20])
+        q[:, :3] = coordinates[::20, :3]
+        R, p = Person(session.person, default_model()).leg_poses(q)
+        X_SK = foot_in_shank(subject) @ mount_pose(foot, **offsets).inverse()
+        return R[:, SHANK] @ X_SK.rotation().matrix(), p[:, SHANK] + R[:, SHANK] @ X_SK.translation()
+
+    (R, p), written, fitted = (keel(trial.coordinates, session.person), keel(corrected, session.written),
+                               keel(corrected, session.written, **mount))
+    for (R_F, p_F), near in ((written, False), (fitted, True)):
+        turned = np.linalg.norm(Rotation.from_matrix(np.swapaxes(R, 1, 2) @ R_F).as_rotvec(), axis=1)
+        moved = np.abs(np.einsum("nji,nj->ni", R, p_F - p))[:, [0, 2]].max()
+        # 0.26 degrees times the root of 3, and those over 0.9 m
+        assert bool(turned.max() < np.radians(0.45) and moved < 7e-3) is near

@@ -80,6 +80,39 @@ def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(mon
     assert session_fit.third_person({"converged": False}) is None
 
 
+def fit(cost, spread, value, *, person="a", seed=0, converged=True):
+    """A fit of which one parameter has a truth, 1, and a standard error of 0.5."""
+    row = {"truth": 1.0, "value": value, "interval": [value - 1.0, value + 1.0], "standard_error": 0.5,
+           "contained": abs(value - 1.0) <= 1.0, "identified": value < 3.0}
+    end = {"cost": cost, "cost_spread": spread, "starts_converged": 4, "parameters": {"coordinate.knee_angle_r": row}}
+    return session_fit.Case(person, 1, session_fit.PAIR, seed), {
+        "converged": converged, "wall_s": 20.0, **({"end": end} if converged else {})}
+
+
+def test_thirty_fits_are_counted_and_ends_of_one_persons_seeds_compared():
+    """Coverage by hand: 1.5 and 2 are within 1 of the truth, 4 is not; a fit that failed tells nothing."""
+    assert len(set(session_fit.REPEATED)) == 30 and set(session_fit.CASES) & set(session_fit.REPEATED)
+    names = {case.name for case in (*session_fit.CASES, *session_fit.REPEATED)}
+    assert len(names) == 32, "each part is kept under its own name"
+    found = dict([fit(100.0, 0.001, 1.5), fit(101.0, 0.015, 2.0, seed=1), fit(0.0, 0.0, 0.0, seed=2, converged=False),
+                  fit(50.0, 0.0, 4.0, person="b"), fit(0.0, 0.0, 0.0, person="c", converged=False)])
+    told = session_fit.coverage(list(found.values()))
+    assert told["interval_coverage"] == pytest.approx(2 / 3)
+    assert told["intervals"]["share_contained_of_identified"] == 1.0 and told["intervals"]["identified"] == 2
+    row = told["intervals"]["parameters"]["coordinate.knee_angle"]
+    assert (row["n"], row["contained"]) == (3, 2)
+    assert row["rms_off_in_standard_errors"] == pytest.approx(((1.0 + 4.0 + 36.0) / 3) ** 0.5)
+    ends = session_fit.ends(found)
+    assert (ends["a_day_1"]["fits"], ends["a_day_1"]["converged"]) == (3, 2)
+    assert ends["a_day_1"]["cost_spread"] == pytest.approx(0.01)
+    assert ends["a_day_1"]["largest_cost_spread_of_starts"] == 0.015
+    assert ends["a_day_1"]["largest_apart"] == pytest.approx(1.0)
+    assert ends["c_day_1"] == {"fits": 1, "converged": 0}
+    text = session_fit.text_of_ends(ends, told)
+    assert "2 of 3 seeds" in text and "67 % of 3" in text
+    assert session_fit.coverage([fit(0.0, 0.0, 0.0, converged=False)[1]])["interval_coverage"] is None
+
+
 def test_what_is_embedded_says_what_it_is_and_is_small():
     tasks = [Task(person, day, EMBEDDED, number, 0) for person, days in DAYS.items() for day in days
              for number in range(len(draws(person, day, EMBEDDED)))]
