@@ -3,9 +3,15 @@
 Two kinds have one. How the foot sits (`offset.*`): the true foot's place in the true shank against the written one in
 the written shank, but for what it is off to the side, which no parameter moves. A constant error of a joint angle
 (`coordinate.*`): true less recorded, mean over stance. Both are of the true segments' axes: corrected by them, a
-person whose pelvis, lengths and other angles are true too stands on the true foot. What cannot be had: hip rotation,
-whose mean the session took off. What has none: contact, socket, friction and keel, which are of other laws in the
-model; curves and heights of trials, which share their mean with the constants.
+person whose pelvis, lengths and other angles are true too stands on the true foot.
+
+Or both `as_found`: of the axes and the knee that the session found. A session lays the pelvis's path so that the
+recorded ankle is right, and measures the foot in the shank as found: what it gets wrong in all trials alike is in both
+again, and then the recorded motion, as it is, carries the true foot if it sits as found. What remains is what markers
+got wrong on the foot, and of an angle the trial's own error and soft tissue's.
+
+What cannot be had: hip rotation, whose mean the session took off. What has none: contact, socket, friction and keel,
+which are of other laws in the model; curves and heights of trials, which share their mean with the constants.
 
 The session's errors are drawn again, as `session_tier` draws them, and applied to the recording in place of the true
 motion: as turns of a few degrees commute but for their product, what that gets wrong is 0.1 degrees or so.
@@ -18,6 +24,8 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from scipy.spatial.transform import Rotation
 
 from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Foot, Recorded, in_degrees, in_radians
@@ -35,10 +43,14 @@ PASSES = 2
 """The errors are applied to the recording, then to that less them."""
 
 
-def true_offsets(session: Session) -> GeometricOffsets:
+def true_offsets(session: Session, *, as_found: bool = False) -> GeometricOffsets:
     """The mount that puts the foot of the written subject where the true foot is in its shank, but for what it is off
     to the side; signed by anatomy, the same of a person with the prosthesis on the left."""
-    X_PW = foot_in_shank(session.person).inverse() @ foot_in_shank(session.written)  # true place, written place
+    X_SP = foot_in_shank(session.person)
+    if as_found:
+        R_SF = RotationMatrix(Rotation.from_rotvec(session.turned["shank_right"]).as_matrix())
+        X_SP = RigidTransform(R_SF, session.true_ankle - R_SF.multiply(session.ankle)).inverse() @ X_SP
+    X_PW = X_SP.inverse() @ foot_in_shank(session.written)  # true place, written place
     foot = FootParameters()
     X_KM = mount_pose(foot) @ X_PW
     R, moved = X_KM.rotation().matrix(), X_KM.translation() - mount_pose(foot).translation()
@@ -73,10 +85,14 @@ def angle_errors(session: Session, trial: Trial, stride_s: float, index: tuple[i
     return {name: float(off[COORDINATES.index(f"{name}_r")]) for name in ANGLES}
 
 
-def true_values(session: Session, trials: list[tuple[Trial, float, tuple[int, ...]]]) -> dict[str, float]:
+def true_values(
+    session: Session, trials: list[tuple[Trial, float, tuple[int, ...]]], *, as_found: bool = False
+) -> dict[str, float]:
     """By name of a fit's parameter, of a fit of these trials: each with its stride (s) and index. m and rad."""
     side = trials[0][0].subject.prosthetic_side[0]
-    errors: list[dict[str, Any]] = [angle_errors(session, *trial) for trial in trials]
-    offsets = {f"offset.{name.rsplit('_', 1)[0]}": value for name, value in vars(true_offsets(session)).items()}
+    own = replace(session, turned={name: 0.0 * turned for name, turned in session.turned.items()})
+    errors: list[dict[str, Any]] = [angle_errors(own if as_found else session, *trial) for trial in trials]
+    offsets = {f"offset.{name.rsplit('_', 1)[0]}": value
+               for name, value in vars(true_offsets(session, as_found=as_found)).items()}
     return offsets | {f"coordinate.{name}_{side}": float(np.mean([error[name] for error in errors]))
                       for name in ANGLES}

@@ -83,7 +83,8 @@ def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(mon
 def fit(cost, spread, value, *, person="a", seed=0, converged=True):
     """A fit of which one parameter has a truth, 1, and a standard error of 0.5."""
     row = {"truth": 1.0, "value": value, "interval": [value - 1.0, value + 1.0], "standard_error": 0.5,
-           "contained": abs(value - 1.0) <= 1.0, "identified": value < 3.0}
+           "contained": abs(value - 1.0) <= 1.0, "truth_as_found": 2.5, "contained_as_found": abs(value - 2.5) <= 1.0,
+           "identified": value < 3.0}
     end = {"cost": cost, "cost_spread": spread, "starts_converged": 4, "parameters": {"coordinate.knee_angle_r": row}}
     return session_fit.Case(person, 1, session_fit.PAIR, seed), {
         "converged": converged, "wall_s": 20.0, **({"end": end} if converged else {})}
@@ -99,6 +100,7 @@ def test_thirty_fits_are_counted_and_ends_of_one_persons_seeds_compared():
     told = session_fit.coverage(list(found.values()))
     assert told["interval_coverage"] == pytest.approx(2 / 3)
     assert told["intervals"]["share_contained_of_identified"] == 1.0 and told["intervals"]["identified"] == 2
+    assert told["interval_coverage_as_found"] == pytest.approx(2 / 3)
     row = told["intervals"]["parameters"]["coordinate.knee_angle"]
     assert (row["n"], row["contained"]) == (3, 2)
     assert row["rms_off_in_standard_errors"] == pytest.approx(((1.0 + 4.0 + 36.0) / 3) ** 0.5)
