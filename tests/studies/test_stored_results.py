@@ -220,6 +220,22 @@ def test_stored_truths_add_up_and_forces_come_back_within_a_fifth_of_a_percent_f
             assert sum(parameter["contained_in_twenties"]) == parameter["contained"] <= found["seeds"]
 
 
+# Session fits: ten seeds for each of three persons.
+
+
+def test_thirty_session_fits_are_stored_and_their_counts_add_up():
+    """What is counted anew from each fit's own intervals: a fit that failed is in no share."""
+    stored = json.loads((RESULTS / "session_fit.json").read_text(encoding="utf-8"))
+    fits = {**stored["seeds"], **{name: stored["cases"][name] for name in stored["ends"]}}
+    assert stored["fits"] == len(fits) == 30 and set(stored["ends"]) == {"a_day_1", "b_day_1", "c_day_1"}
+    converged = [fit for fit in fits.values() if fit["converged"]]
+    assert stored["converged"] == len(converged) == sum(row["converged"] for row in stored["ends"].values())
+    for key, truth in (("interval_coverage", "truth"), ("interval_coverage_as_found", "truth_as_found")):
+        rows = [row for fit in converged for row in fit["end"]["parameters"].values()]
+        inside = [row["interval"][0] <= row[truth] <= row["interval"][1] for row in rows]
+        assert len(inside) == 8 * len(converged) and stored[key] == pytest.approx(np.mean(inside))
+
+
 # Stored results are of the files and the sources as they are.
 
 
