@@ -8,7 +8,7 @@ plate that they made: the walk is repeated until strike and lift-off stay where 
 stiffness.
 
 Noise is as the fit assumes it: Gaussian, with an exponential correlation, on each component of the force and on the
-centre of pressure along the way, in the walk's axes; independent on each stiffness of the bench. An unloaded plate
+centre of pressure both ways, in the walk's axes; independent on each stiffness of the bench. An unloaded plate
 reads nothing: there is none in swing, where the model's force is zero whatever the parameters.
 
 Not any drawn foot carries the person. A recording counts if the plate saw one whole stance in each trial, whose
@@ -79,12 +79,12 @@ def make(
         options: of the fit.
     """
     labels = tuple(trial.path.stem for trial in trials)
-    parameters = ContactFit(trials, walker=walker, labels=labels).parameters
+    parameters = ContactFit(trials, bench=bench, walker=walker, labels=labels).parameters
     for draw in range(MOST_DRAWS):
         truth = prior_samples(parameters, 1, [*seed, draw, 0])[0]
         rng = np.random.default_rng([*seed, draw, 1])
         try:
-            made = _own_plates(trials, labels, walker, truth, options)
+            made = _own_plates(trials, labels, bench, walker, truth, options)
             noisy = [_with_noise(trial, heading, options.noise, drawn, rng) for trial, heading in made]
             if not all(map(_carries_the_person, noisy, trials)):
                 continue
@@ -98,7 +98,8 @@ def make(
 
 
 def _own_plates(
-    trials: Sequence[Trial], labels: Sequence[str], walker: Walker, truth: np.ndarray, options: ContactFitOptions
+    trials: Sequence[Trial], labels: Sequence[str], bench: BenchMeasurement, walker: Walker, truth: np.ndarray,
+    options: ContactFitOptions
 ) -> list[tuple[Trial, np.ndarray]]:
     """The trials with the model's own plates, and the directions of walking (2,).
 
@@ -108,7 +109,7 @@ def _own_plates(
     """
     made, events = list(trials), np.zeros(0)
     for _ in range(MOST_WALKS):
-        fit = ContactFit(made, walker=walker, labels=labels, options=options)
+        fit = ContactFit(made, bench=bench, walker=walker, labels=labels, options=options)
         before, headings = events, []
         for i, (trial, label) in enumerate(zip(made, labels, strict=True)):
             comparison, result, _, _ = fit.terms_of(trial, label).walk(truth)
@@ -129,8 +130,9 @@ def _with_noise(
     axes, on = walk_axes(heading), plate.force_W[:, 2] > THRESHOLD_N
     sizes = [drawn * getattr(noise, name) * trial.subject.mass_kg * GRAVITY for name in FORCES]
     force = np.column_stack([size * _correlated(plate.time_s, noise, rng) for size in sizes]) @ axes
-    along = drawn * noise.cop_fore_aft * trial.model.foot.length_m * _correlated(plate.time_s, noise, rng)
-    spoilt = replace(plate, force_W=plate.force_W + force * on[:, None], cop_W=plate.cop_W + along[:, None] * axes[0])
+    cop = np.stack([drawn * size * trial.model.foot.length_m * _correlated(plate.time_s, noise, rng)
+                    for size in (noise.cop_fore_aft, noise.cop_lateral)], axis=1) @ axes[:2]
+    spoilt = replace(plate, force_W=plate.force_W + force * on[:, None], cop_W=plate.cop_W + cop)
     return replace(trial, plates={**trial.plates, trial.subject.prosthetic_side: spoilt})
 
 

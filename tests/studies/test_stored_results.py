@@ -183,7 +183,6 @@ def test_drawn_noise_is_as_large_as_was_assumed_and_nothing_in_swing():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=False, reason="stated for the former foot and walks; to be derived anew")
 def test_a_truth_comes_back_from_random_starts(one):
     """Force within 0.2 % body weight from each; all end in one minimum, which is the truth's."""
     problems = [assuming(one, scale) for scale in ROUNDS]
