@@ -207,8 +207,8 @@ def fit(model: ModelParameters, freed: str) -> dict[str, Any]:
     options = ContactFitOptions(starts=STARTS, seed=SEED)
     pair = [trials[name] for name in PAIR]
     known = ContactFit(pair, bench=inputs.bench(), options=options)
-    problem = ContactFit(pair, bench=known.bench, options=options, walker=known.walker,
-                         parameters=known.parameters.changed([freed], frozen=False))
+    parameters = known.parameters.changed(["keel.flexural_modulus"], frozen=True).changed([freed], frozen=False)
+    problem = ContactFit(pair, bench=known.bench, options=options, walker=known.walker, parameters=parameters)
     try:
         solution = solve(problem)
         found = assess(solution, [trials[name] for name in TRIALS if name not in PAIR], sweep=False, leave_out=False)
