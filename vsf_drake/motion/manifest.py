@@ -72,8 +72,9 @@ class ManifestOffsets:
 class GeometricOffsets:
     """How the prosthetic foot sits under its pylon, which no recording tells to the millimetre.
 
-    + moves the foot up against the residual limb (a shorter prosthesis), moves it forward, turns its toe up, its sole
-    towards the midline (inversion), its toe away from it; about the mount, in this order (`plants.foot.mount_pose`).
+    Positive values move the foot up against the residual limb (a shorter prosthesis), move it forward, turn its toe up,
+    its sole towards the midline (inversion), its toe away from it; about the mount, in this order
+    (`plants.foot.mount_pose`).
     """
 
     height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted or measured")
