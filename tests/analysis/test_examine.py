@@ -27,16 +27,14 @@ def examined(tier: str, setting: str):
 
 @pytest.mark.parametrize("name", [f"{setting}_{i}" for setting in SETTINGS for i in (1, 2, 3)])
 def test_walk_consistent_to_the_time_step_is_good_in_every_check(name):
-    """A lag that the body's acceleration tells is known to 10 ms, one that only touch-downs tell to 35 ms: the model's
-    trunk is rigid in the pelvis, the one of these walks is not, most at 66 mm."""
+    """A lag that the body's acceleration tells is known to 10 ms. The intact foot of some walks comes down early: a known
+    weakness of theirs (data/reference_subject/README.md)."""
     item = examine(load_trial(resource(f"data/reference_subject/exact/{name}.yaml")))
-    assert [check.sentence for check in item.checks if check.mark != "good"] == []
+    doubts = [check for check in item.checks if check.mark != "good"]
+    assert all(check.name == "swing clearance" and "left foot" in check.sentence for check in doubts), doubts
+    assert item.mark == "good"
     values = {check.name: check.value for check in item.checks}
-    if "lag of the forces" in values:
-        assert values["lag of the forces"] == pytest.approx(0.0, abs=0.010)
-    else:
-        assert name not in ("medium_1", "high_1", "high_2")  # whose trunks shift least: data/reference_subject
-        assert values["lag of the forces at touch-down"] == pytest.approx(0.0, abs=0.035)
+    assert values["lag of the forces"] == pytest.approx(0.0, abs=0.010)
     assert values["mass from the forces"] == pytest.approx(78.0, rel=0.01)
 
 

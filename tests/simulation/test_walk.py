@@ -251,7 +251,7 @@ def test_a_fitted_trial_walks_as_the_fit_did_with_courses(source, referred):
 
     for i, value in enumerate(CURVE.coefficients):
         perturbation(f"curve.{i}", CURVE.coordinate, lambda t, i=i: splines(phase(t))[:, i], value)
-    for name, coefficients in OWN.path.items():
+    for name, coefficients in {**OWN.path, **OWN.curves}.items():
         basis = window_bsplines(source.start_s, source.end_s, len(coefficients))
         for i, value in enumerate(coefficients):
             perturbation(f"{name}.{i}", name, lambda t, i=i, basis=basis: basis(t)[:, i], value)

@@ -27,10 +27,12 @@ from contact_truth_study.making import IMPULSE, assuming, impulse
 from contact_truth_study.recovering import ROUNDS, cover, row, through
 from floor_of_the_reference_subject import NOMINAL, RESULTS
 
+from vsf_drake.analysis.contact_fit import FitNoise
 from vsf_drake.analysis.contact_fit.solve import prior_samples
 from vsf_drake.files import sha256
 
 ROOT = RESULTS.parents[1]
+ASSUMED_BW = np.sqrt(3.0) * ROUNDS[-1] * FitNoise().vertical  # of the resultant, whose components are alike
 FIT_SCRIPT, FIT_STORED = RESULTS.parent / "contact_fit.py", RESULTS / "contact_fit.json"
 @pytest.fixture(scope="module")
 def fit_stored():
@@ -184,13 +186,13 @@ def test_drawn_noise_is_as_large_as_was_assumed_and_nothing_in_swing():
 
 @pytest.mark.slow
 def test_a_truth_comes_back_from_random_starts(one):
-    """Force within 0.2 % body weight from each; all end in one minimum, which is the truth's."""
+    """Force within the noise that is assumed from each; all end in one minimum, which is the truth's."""
     problems = [assuming(one, scale) for scale in ROUNDS]
     ends = [through(problems, u)[-1] for u in prior_samples(one.fit.parameters, 2, [1])]
     rows = [row(problems[-1], found) for found in ends]
     for found in rows:
         assert found["success"]
-        assert max(found["grf_rmse_bw"]) < 2e-3
+        assert max(found["grf_rmse_bw"]) < ASSUMED_BW
         assert found["within"] >= 0.9 * found["identified"], found["outside"]
         assert found["identified"] >= 20
     assert ends[0].cost == pytest.approx(ends[1].cost, abs=2.0)
@@ -205,7 +207,8 @@ def test_intervals_hold_the_truth_in_most_seeds():
     assert len(known) >= 15 and np.mean(known) > 0.8
 
 
-def test_stored_truths_add_up_and_forces_come_back_within_a_fifth_of_a_percent_from_every_start():
+def test_stored_truths_add_up_and_forces_come_back_within_the_noise_that_is_assumed_from_every_start():
+    """The resultant of three components that are each assumed to be as noisy as in the last round."""
     stored = json.loads(TRUTH_STORED.read_text(encoding="utf-8"))
     assert stored["synthetic"] is True
     for name, found in stored["recovery"].items():
@@ -213,7 +216,8 @@ def test_stored_truths_add_up_and_forces_come_back_within_a_fifth_of_a_percent_f
         searches = found["in_rounds"]["searches"]
         assert searches["within"] == sum(r["within"] for r in rows)
         assert all(r["identified"] - r["within"] == len(r["outside"]) for r in rows)
-        assert searches["grf_rmse_bw"]["worst"] < 2e-3 and searches["converged"] == searches["count"], name
+        assert searches["grf_rmse_bw"]["worst"] < ASSUMED_BW, name
+        assert searches["converged"] == searches["count"], name
     for found in stored["intervals"].values():
         for parameter in found["parameters"].values():
             assert sum(parameter["contained_in_twenties"]) == parameter["contained"] <= found["seeds"]

@@ -147,10 +147,12 @@ def test_softer_settings_deflect_more_store_more_and_roll_on_a_smaller_arc(secti
     assert np.all(np.diff([row.energy_stored_j for row in forefoot]) < 0.0)
 
 
-def test_fulcrum_has_no_part_at_the_heel(section):
-    heel = [row for row in section.table.inclined if row.angle_deg < 0.0]
-    assert np.ptp([row.displacement_mm for row in heel]) < 1e-3
-    assert all(set(row.zones_loaded) <= {"heel_posterior", "heel"} for row in heel)
+def test_fulcrum_has_hardly_a_part_at_the_heel(section):
+    """Foam on the heel block carries the load; what of it is under the keel's rear end bends that a little."""
+    heel, toe = ([row for row in section.table.inclined if (row.angle_deg < 0.0) == rear] for rear in (True, False))
+    apart = [np.ptp(values) / np.mean(values) for values in ([row.displacement_mm for row in of] for of in (heel, toe))]
+    assert apart[0] < 0.01 < 0.5 < apart[1]
+    assert all(set(row.zones_loaded) <= {"heel_posterior", "heel", "heel_anterior"} for row in heel)
 
 
 @pytest.mark.parametrize("force", [-100.0, 1e6, np.nan])

@@ -22,7 +22,8 @@ from vsf_drake.simulation.variables import added
 
 STEP_S, FULCRUM_M = 1e-3, 0.11
 HELD = ("pelvis_tx", "pelvis_ty", "pelvis_tilt", "pelvis_rotation", "knee_angle_r", "fulcrum")
-MOUNT = (2e-3, 5e-3, 0.03)
+OFFSETS = ("height", "fore_aft", "alignment", "inversion", "toe_out")
+MOUNT = (2e-3, 5e-3, 0.03, -0.05, 0.04)
 """Height, fore-aft (m), alignment (rad) about which things are varied."""
 
 
@@ -54,7 +55,7 @@ class Instant:
     def __init__(self, walker, seed, names, *, depth, speed, forces=True, fulcrum=FULCRUM_M, width=0.0):
         self.walker, self.names, rng = walker, names, np.random.default_rng(seed)
         self.fulcrum, self.width = fulcrum, width
-        mechanism = self._mechanism(np.zeros(3))
+        mechanism = self._mechanism(np.zeros(len(MOUNT)))
         if not forces:
             mechanism = dataclasses.replace(mechanism, springs=np.zeros_like(mechanism.springs), fulcrum=np.zeros(2))
         self.mechanism, tree = mechanism, mechanism.tree
@@ -96,11 +97,10 @@ class Instant:
             matrix[:, way].copy() for matrix in (self.tangent.Gq, self.tangent.Gv, self.tangent.B))
 
     def _mechanism(self, change):
-        """With the foot at MOUNT and `change` (3,); the Context is as it was afterwards."""
+        """With the foot at MOUNT and `change` (5,); the Context is as it was afterwards."""
         gait, context = self.walker.gait, self.walker.context
         plant_context, foot = gait.plant_context(context), gait.person.foot
-        height, fore_aft, alignment = MOUNT + np.asarray(change)
-        set_mount(plant_context, foot, height=height, fore_aft=fore_aft, alignment=alignment)
+        set_mount(plant_context, foot, **dict(zip(OFFSETS, MOUNT + np.asarray(change), strict=True)))
         mechanism = gait_mechanism(gait, context)
         set_mount(plant_context, foot)
         return dataclasses.replace(mechanism, support_width=self.width)
@@ -141,16 +141,19 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
     """In the air, without springs: rows of free coordinates, by all of these, by held ones and by the mount."""
     person = walker(side)
     variables = [f"coordinate.{name}" for name in HELD[:-1] if f"coordinate.{name}" in person.variables]
-    variables += ["offset.height", "offset.fore_aft", "offset.alignment", "fulcrum.shift"]
+    variables += [*(f"offset.{name}" for name in OFFSETS), "fulcrum.shift"]
     at = Instant(person, seed, variables, depth=-1.0, speed=2.0, forces=False)
     tree, free, n = at.mechanism.tree, at.dofs.free, len(at.q)
     x = InitializeAutoDiff(np.concatenate([at.q, at.v0, MOUNT])[:, None])[:, 0]
-    q, v0, (height, fore_aft, alignment) = x[:n], x[n : 2 * n], x[2 * n :]
+    q, v0, (height, fore_aft, alignment, inversion, toe_out) = x[:n], x[n : 2 * n], x[2 * n :]
     plant = person.gait.plant.ToAutoDiffXd()
     context = plant.CreateDefaultContext()
     level = mount_pose(person.gait.person.foot.parameters).translation()
+    turn, right = RotationMatrix_[AutoDiffXd], -1.0 if side == "left" else 1.0
+    R_KM = (turn.MakeZRotation(right * toe_out) @ turn.MakeXRotation(-right * inversion)
+            @ turn.MakeYRotation(alignment))
     plant.GetFrameByName("vsf_mount").SetPoseInParentFrame(context, RigidTransform_[AutoDiffXd](
-        RotationMatrix_[AutoDiffXd].MakeYRotation(alignment), level - np.array([fore_aft, AutoDiffXd(0.0), height])))
+        R_KM, level - np.array([fore_aft, AutoDiffXd(0.0), height])))
     plant.SetPositions(context, q)
     plant.SetVelocities(context, v0)
     gravity = MultibodyForces_[AutoDiffXd](plant)
@@ -168,8 +171,8 @@ def test_inverse_dynamics_is_differentiated_as_drake_does_it(walker, side, seed)
     mass = plant.CalcMassMatrix(context)
     mass = np.vectorize(lambda entry: entry.value())(mass)[np.ix_(free, held)]
     np.testing.assert_allclose(at.by_held_end, mass, rtol=0.0, atol=1e-10 * np.abs(mass).max())
-    columns = [2 * n, 2 * n + 1, 2 * n + 2, tree.index("fulcrum")]
-    columns = [*(tree.index(name[11:]) for name in variables[:-4]), *columns]
+    columns = [*(2 * n + i for i in range(len(MOUNT))), tree.index("fulcrum")]
+    columns = [*(tree.index(name[11:]) for name in variables[:-len(columns)]), *columns]
     assert np.abs(wanted[:, columns]).max() > 1.0
     np.testing.assert_allclose(at.by_variable, wanted[:, columns], rtol=0.0,
                                atol=1e-10 * np.abs(wanted[:, columns]).max())
