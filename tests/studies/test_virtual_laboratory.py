@@ -474,8 +474,8 @@ def test_on_the_exact_tier_the_route_reproduces_the_plate_and_noise_is_two_newto
 
 
 def test_without_the_shared_errors_each_trial_keeps_only_constants_of_its_own():
-    """Of the size that the tier draws: 0.1 degrees and 0.4 mm; what changes with time is what the stride's five digits in
-    draws.csv leave, 1e-5 of a phase times errors of some 0.5 degrees a radian."""
+    """Of the size that the tier draws: 0.1 degrees and 0.4 mm; what changes with time is what the stride's five digits
+    in draws.csv leave, 1e-5 of a phase times errors of some 0.5 degrees a radian."""
     constants = []
     for name in NAMES:
         exact = tier(name, "exact").trajectory.ordered(COORDINATES)
