@@ -86,7 +86,7 @@ def test_stances_last_as_long_as_published_and_trials_of_one_setting_differ_as_r
         assert np.abs(np.array(times) - mean).max() < 2 * deviation
         assert np.mean(times) == pytest.approx(mean, abs=deviation) and len(set(np.round(times, 3))) == 3
         for one, other in itertools.combinations(curves, 2):
-            assert np.sqrt(np.mean((one - other) ** 2)) > 0.02
+            assert np.sqrt(np.mean((one - other) ** 2)) > 0.02  # as little as two strides of one person
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -155,7 +155,8 @@ def lowest(person, sites, trial, times):
 
 
 def test_intact_foot_carries_the_rest_a_step_width_beside_and_swings_clear_of_the_floor(trials):
-    """Over 5 mm from 0.1 s after its toe-off to 0.15 s before its strike; no deeper than 15 mm when it stands."""
+    """Over 5 mm from 0.1 s after its toe-off to 0.15 s before its strike, as `test_balance` asks of each speed;
+    later it comes down early, a known weakness. No deeper than 15 mm when it stands."""
     plant = MultibodyPlant(0.0)
     sites = add_person(plant, trials["low_1"].subject, trials["low_1"].model).intact_sites
     plant.Finalize()

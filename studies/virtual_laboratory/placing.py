@@ -35,8 +35,8 @@ STANDARD = {"pelvis_tx": 0.02, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_ti
 TRUNK_STANDARD, PLATE_STANDARD = (0.001,) * 3 + (0.02, 0.02, 0.03), (0.03, 0.02, 0.03, 0.008, 0.006, 0.003)
 """The same of the trunk (`motion.TRUNK`) and of the intact foot's plate (`balance.PLATE`)."""
 REPEATED = 0.1
-"""How far a correction may well be from itself a stride later, as a multiple of its standard: 0.2 to 0.6 degrees of an
-angle, 2 mm of the pelvis (a choice, below what people's strides differ by)."""
+"""How far a correction may well be from itself a stride later, as a multiple of its standard: 0.1 to 0.6 degrees of an
+angle, 1.5 to 3 mm of the pelvis (a choice, below what people's strides differ by)."""
 ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3 = 2.0e3, 1.0e4, 5.0e3
 """Third derivative of a correction that goes with its standard, as a multiple of it."""
 SUPPORT_M, INTACT_SUPPORT_M, ROLL_RAD, CLEARANCE_M = 5e-4, 2e-3, 0.01, 2e-3

@@ -81,7 +81,7 @@ MEAN_SPEED_M_PER_S, MEAN_STANCE_S, SPEED_PER_STANCE = 1.10, 0.743, 0.8
 RISE_M, CONDITIONED = (1e-3, 1.5e-3, 3e-3), 6
 """Tolerated amplitudes (m) of the centre of mass's height, once to three times a stride, and steps; see `lifted`."""
 WIDEST_SD = 1.6
-"""No draw lies farther from its mean than this many standard deviations."""
+"""No draw lies farther from its mean than this many standard deviations, before `lifted`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,8 +194,8 @@ def lifted(draw: Draw, rise: np.ndarray) -> Draw:
     """The draw given that its forces let the body rise and fall as its legs do.
 
     Independent draws of times and peaks do not: 1 % of the weight once a stride lifts the centre of mass by 4 mm over
-    one foot. With S the draw's variances, x <- S J^T (J S J^T + RISE_M^2)^-1 (h + J x - h(x)) leads to the mean of a
-    normal x given h(x) = h.
+    one foot. In standard deviations x from the draw, x <- J^T (J J^T + RISE_M^2)^-1 (rise + J x - h(x)) leads to the
+    least x whose h(x), what the forces reach, is `rise` but for errors of RISE_M: the draw is a prior of its own.
 
     Args:
         rise: (3,) m, complex amplitudes of the centre of mass's height at one to three times a stride's frequency.
