@@ -2,7 +2,8 @@
 
 The unknowns are the coefficients c (U, K) of u(t) = base(t) + splines(t) c, U smooth functions of time. Every wish is
 linearised about the present ones: a row of Jacobian J (U,) at an instant, how far the quantity is off, and how far off
-is tolerable (sigma). Wishes about poses touch one instant; those about accelerations three.
+is tolerable (sigma). Wishes about poses touch one instant; those about accelerations three; `repeat` couples instants a
+stride apart.
 """
 
 from __future__ import annotations
