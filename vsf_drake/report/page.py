@@ -113,10 +113,11 @@ class Chapter:
     `Column` has it,
     `{% call figure("force", alt="the finding in words and numbers") %}caption{% endcall %}` and
     `{% call missing() %}what is not there, and why{% endcall %}`.
+    It opens with the finding, a figure and at most a small table; the rest stands in `details` of macros.html.j2.
     """
 
     name: str  # HTML anchor
-    title: str
+    title: str  # "" for what stands above the list of chapters, on the first screen
     template: str = ""  # "" for none
     facts: Mapping[str, Any] = field(default_factory=dict)  # numbers and decisions, as the template calls them
     figures: Mapping[str, Figure] = field(default_factory=dict)  # by the stem of their files, their own in the page
