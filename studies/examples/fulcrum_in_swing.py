@@ -126,6 +126,7 @@ def draw(out: Path, run: dict, strides: int) -> None:
     """Time series one below the other, the enabled times shaded; beside them load over deflection of each stance."""
     t = run["time"]
     with drawing(10.0, 7.0) as figure:
+        figure.set_layout_engine("constrained")
         left, right = figure.subfigures(1, 2, width_ratios=(1.7, 1.0))
         axes = left.subplots(5, 1, sharex=True)
         series = (("fulcrum_position", 1e3, "fulcrum (mm)"), ("grf", 1.0, "vertical (N)"), ("lean", 57.3, "lean (deg)"),

@@ -28,6 +28,7 @@ def draw(runs: dict[str, ReferenceWalk], grounds: dict[str, Ground], trial: Tria
     colours = {name: colormaps["viridis"](0.9 * i / max(len(grounds) - 1, 1)) for i, name in enumerate(grounds)}
     weight = GRAVITY * trial.subject.mass_kg
     with drawing(2.6 * len(runs), 8.4) as figure:
+        figure.set_layout_engine("constrained")
         above, middle, below = figure.subfigures(3, 1, height_ratios=(1.2, 0.55, 1.0))
         people, feet = (part.subplots(1, len(runs), sharex=True, sharey=True) for part in (above, middle))
         for person, foot, (name, run) in zip(people, feet, runs.items(), strict=True):

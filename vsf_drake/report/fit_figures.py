@@ -260,8 +260,6 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
         kind = ", SYNTHETIC" if trial.synthetic else ""
         figure.suptitle(f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} mm{kind}", x=0.01, ha="left",
                         fontsize=11)
-        figure.set_layout_engine("constrained", w_pad=0.08)
-    figure.set_layout_engine("none")  # there are many of these, and to lay them out takes as long as to draw them
     return figure
 
 

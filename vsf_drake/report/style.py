@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import TightLayoutEngine
 from matplotlib.ticker import LogFormatter
 from matplotlib.typing import ColorType
 
@@ -47,9 +48,25 @@ def style() -> AbstractContextManager[None]:
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure (inches) that needs no display."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=_Margins(pad=0.9, w_pad=1.6, h_pad=1.3))
     FigureCanvasAgg(figure)
     return figure
+
+
+class _Margins(TightLayoutEngine):
+    """Margins as labels and titles need them, found in one pass, with room for the figure's own legends: a third of
+    what Matplotlib's constrained layout takes, which alone knows subfigures."""
+
+    def execute(self, fig: Figure) -> None:
+        low, right, renderer = 0.0, 1.0, fig.canvas.get_renderer()  # type: ignore[attr-defined] # of FigureCanvasAgg
+        for legend in fig.legends:
+            extent = legend.get_window_extent(renderer).transformed(fig.transFigure.inverted())
+            if extent.y1 < 0.5:  # below the panels
+                low = max(low, extent.y1)
+            else:
+                right = min(right, extent.x0)
+        self.set(rect=(0.0, low, right, 1.0))
+        super().execute(fig)
 
 
 @contextmanager
@@ -58,7 +75,8 @@ def drawing(width: float, height: float) -> Iterator[Figure]:
     with style():
         figure = new_figure(width, height)
         yield figure
-        figure.draw_without_rendering()
+        if engine := figure.get_layout_engine():
+            engine.execute(figure)
         figure.set_layout_engine("none")  # settled: it need not be found again for each file
 
 
