@@ -16,6 +16,7 @@ class Shown(ShownChapter):
         self.grids: dict[str, SimpleNamespace] = {}
         self.alts: dict[str, str] = {}
         self.captions: dict[str, str] = {}
+        self.titles: dict[str, str] = {}
         self.figures = dict(chapter.figures)
         super().__init__(chapter, None, lenient=False)
 
@@ -26,9 +27,9 @@ class Shown(ShownChapter):
         self.captions[name] = _plain(re.search(r"<figcaption>(.*?)</figcaption>", shown, re.DOTALL)[1])
         return shown
 
-    def _figure(self, name, alt, caller=None):
+    def _figure(self, name, alt, title="", caller=None):
         assert name in self.figures and name not in self.alts
-        self.alts[name], self.captions[name] = _plain(alt), _plain(caller())
+        self.alts[name], self.titles[name], self.captions[name] = _plain(alt), _plain(title), _plain(caller())
         return ""
 
     @property

@@ -111,7 +111,7 @@ class Chapter:
     `{% call table("errors", rows, (("error_n", "error (N)", "{:.1f}"), ...)) %}caption{% endcall %}`: the stem
     of the table's CSV file, its rows, records or mappings (one whose `met` is False is marked), and each column as
     `Column` has it,
-    `{% call figure("force", alt="the finding in words and numbers") %}caption{% endcall %}` and
+    `{% call figure("force", title="the finding", alt="it with its numbers") %}caption{% endcall %}` and
     `{% call missing() %}what is not there, and why{% endcall %}`.
     It opens with the finding, a figure and at most a small table; the rest stands in `details` of macros.html.j2.
     """
@@ -185,14 +185,14 @@ class ShownChapter:
 
         return self._tried(f"the table {name}", make)
 
-    def _figure(self, name: str, alt: str, caller: Callable[[], str] | None = None) -> Markup:
+    def _figure(self, name: str, alt: str, title: str = "", caller: Callable[[], str] | None = None) -> Markup:
         def make() -> Markup:
             figure: Figure | bytes = self._chapter.figures[name]
             if self._folder is not None:
                 paths = save_figure(self._chapter.figures[name], self._folder / FIGURES / name, letters="path")
                 self.files |= {path.relative_to(self._folder) for path in paths}
                 figure = paths[1].read_bytes()
-            shown: Markup = _macros.figure(figure, _one_line(alt), _one_line("", caller))
+            shown: Markup = _macros.figure(figure, _one_line(alt), _one_line("", caller), _one_line(title))
             return shown
 
         return self._tried(f"the figure {name}", make)

@@ -30,10 +30,12 @@ NEUTRAL = "0.45"
 SHADE = "0.92"
 MARKERS = ("o", "s", "^", "D", "v")
 DOTS_PER_INCH = 150
+PANEL = (4.6, 3.1)
+"""Inches of a figure of one panel: two stand side by side on a screen, and a telephone shows letters of 9 pixels."""
 _RANGE_MM = (66.0, 151.0)
 _LIGHTEST = 0.66
 _SETTINGS: dict[str, Any] = {
-    "font.size": 9.0, "axes.titlesize": 9.5, "axes.labelsize": 9.0, "legend.fontsize": 8.0, "legend.frameon": False,
+    "font.size": 9.0, "axes.titlesize": 9.5, "axes.labelsize": 9.0, "legend.fontsize": 8.5, "legend.frameon": False,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": "0.9",
     "grid.linewidth": 0.6, "axes.axisbelow": True, "svg.hashsalt": "vsf_drake", "svg.fonttype": "none",
     "text.parse_math": False,  # a name may hold dollar signs
@@ -108,6 +110,13 @@ def label(axes: Axes, *, x: str, y: str, title: str = "") -> None:
     axes.set(xlabel=x, ylabel=y)
     if title:
         axes.set_title(title, loc="left")
+
+
+def tag(axes: Axes, text: str, at: tuple[float, float], colour: ColorType, *, offset: tuple[float, float] = (4, 0),
+        ha: str = "left", va: str = "baseline") -> None:
+    """Names a curve beside it, in its colour; `offset` in points from `at`."""
+    axes.annotate(text, at, offset, textcoords="offset points", color=colour, fontweight="bold", ha=ha, va=va,
+                  annotation_clip=False)
 
 
 def log_scale(axis: Axis, base: float = 10.0) -> None:
