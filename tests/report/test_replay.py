@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 import re
 import socket
 
 import numpy as np
 import pytest
+from browser import chromium, look
 from made_results import MASS_KG, make_walk
 from markupsafe import escape
-from meshcat_page import tracks
+from meshcat_page import commands, tracks
 from pydrake.multibody.tree import PrismaticJoint
 
 from vsf_drake.errors import InputError
@@ -94,8 +96,8 @@ def rotation(quaternion):
 def test_bodies_are_where_forward_kinematics_puts_them(tmp_path, side):
     save_walk(short_walk(side), tmp_path / "walk")
     walk = load_walk(tmp_path / "walk")
-    animation = tracks(replay_page(tmp_path, walk))
-    model = gait(side)
+    page = replay_page(tmp_path, walk)
+    animation, model = tracks(page), gait(side)
     context = model.plant.CreateDefaultContext()
     set_mount(context, model.person.foot, height=OFFSETS.height_m, fore_aft=OFFSETS.fore_aft_m,
               alignment=OFFSETS.alignment_rad)
@@ -114,8 +116,20 @@ def test_bodies_are_where_forward_kinematics_puts_them(tmp_path, side):
             np.testing.assert_allclose(positions[i], pose.translation(), atol=1e-9)
             np.testing.assert_allclose(rotation(track["quaternion"][1][i]), pose.rotation().matrix(), atol=1e-9)
     moving = {path for path, track in animation.items() if path.startswith("/walk/") and "position" in track}
-    assert moving == {f"/walk/{body.name()}" for body in bodies}
+    arms = {f"{replay.UPRIGHT}/arm_{arm}" for arm in ("left", "right")}
+    assert moving == {f"/walk/{body.name()}" for body in bodies} | arms
     assert len(animation["/walk/pelvis"]["position"][0]) == (SAMPLES - 1) // every + 1
+    # the trunk, drawn, is upright on average; arms swing against the legs
+    [trunk] = [np.reshape(command["matrix"], (4, 4)).T for command in commands(page)
+               if command.get("path") == replay.UPRIGHT and command["type"] == "set_transform"]
+    tilt = walk.column("pelvis_tilt").mean()
+    cos, sin = np.cos(tilt), np.sin(tilt)
+    np.testing.assert_allclose(trunk[:3, :3], [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]], atol=1e-12)
+    for arm, thigh in (("left", "hip_flexion_r"), ("right", "hip_flexion_l")):
+        turns = animation[f"{replay.UPRIGHT}/arm_{arm}"]["quaternion"][1]
+        swing = [2.0 * np.arctan2(-y, w) for x, y, z, w in turns]
+        hip = walk.column(thigh)[::every]
+        np.testing.assert_allclose(swing, replay.ARM_SWING * (hip - hip.mean()), atol=1e-9)
     # spheres take colour with their load
     low, high = np.array(SPHERE[:3]), np.array(LOADED)
     for i, share in ((4, 0.0), (5, 0.5), (6, 1.0)):
@@ -134,37 +148,37 @@ def test_frames_between_samples_are_interpolated():
         with pytest.raises(InputError, match="frames per second"):
             make_frames(walk, plate=None, rate_hz=rate)
     unknown = dataclasses.replace(plate(), cop_W=np.full((501, 3), np.nan))
-    assert not make_frames(walk, plate=unknown, rate_hz=200.0).measured.shown.any()
+    assert not make_frames(walk, plate=unknown, rate_hz=200.0).forces["prosthetic measured"].shown.any()
 
 
 def test_arrow_stands_at_the_centre_of_pressure_and_is_a_metre_for_a_body_weight(tmp_path):
     walk = short_walk(grf_W=np.tile(FORCE_W, (SAMPLES, 1)))
     animation = tracks(replay_page(tmp_path, walk))
-    arrow = animation["/forces/predicted/arrow"]
+    arrow = animation["/forces/prosthetic predicted/arrow"]
     np.testing.assert_array_equal(arrow["visible"][1], walk.time_s[::2] >= 0.52 - 1e-9)
     np.testing.assert_allclose(arrow["position"][1], walk.cop_W[12::2], atol=1e-12)
-    tip = animation["/forces/predicted/arrow/head"]["position"][1][-1]
+    tip = animation["/forces/prosthetic predicted/arrow/head"]["position"][1][-1]
     np.testing.assert_allclose(rotation(arrow["quaternion"][1][-1]) @ tip, FORCE_W / WEIGHT_N, atol=1e-9)
-    dots = [path for path in animation if path.startswith("/forces/predicted/trace/")]
-    assert len(dots) == np.count_nonzero(arrow["visible"][1])
-    frames, shown = animation["/forces/predicted/trace/8"]["visible"]
-    assert (list(frames), list(shown)) == ([0, 8], [False, True])
+    assert "/forces/prosthetic measured/arrow" not in animation
 
 
 def test_plate_is_drawn_beside_the_prediction_while_it_records(tmp_path):
     page = replay_page(tmp_path, short_walk(), plate=plate())
-    arrow = tracks(page)["/forces/measured/arrow"]
+    arrow, head = (tracks(page)[f"/forces/prosthetic measured/arrow{part}"] for part in ("", "/head"))
     np.testing.assert_array_equal(arrow["visible"][1], np.arange(0.4, 0.6401, 0.02) <= 0.5 + 1e-9)
     np.testing.assert_allclose(arrow["position"][1], np.tile([0.5, 0.2, 0.0], (6, 1)))
-    np.testing.assert_allclose(tracks(page)["/forces/measured/arrow/head"]["position"][1][-1], [0.0, 0.0, 1.0])
-    assert "force measured by the plate" in page
+    np.testing.assert_allclose(head["position"][1][-1], [0.0, 0.0, 1.0])
+    assert "prosthetic foot, measured" in page and "intact foot, measured" not in page
+    both = replay_page(tmp_path, short_walk(), plate=plate(), intact_plate=plate())
+    assert "intact foot, measured" in both and "/forces/intact measured/arrow" in tracks(both)
     # it loads nothing from a network
     assert not re.findall(r"<(?:script|img|iframe|link|source)[^>]*\s(?:src|href)\s*=", page)
     assert not re.search(r"@import|fetch\(\s*[\"']https?:|new WebSocket\(\s*[\"']", page)
     assert 1e5 < len(page) < 15e6
     shouted = replay_page(tmp_path, short_walk(synthetic=True, converged=False, unconverged_steps=3), plate=plate())
     assert re.search(r"<title>made-up walk: synthetic walk", shouted) and "3 STEPS NOT CONVERGED" in shouted
-    assert "reference force (synthetic)" in shouted and "recorded walk" not in shouted
+    assert "prosthetic foot, reference (SYNTHETIC)" in shouted
+    assert "measured<" not in shouted and "recorded walk" not in shouted
 
 
 def test_trial_name_is_text_and_nothing_else(tmp_path):
@@ -201,3 +215,48 @@ def test_no_server_remains(tmp_path, monkeypatch):
     write_replay(short_walk(), tmp_path / "replay.html")
     with socket.socket() as client:
         assert client.connect_ex(servers[0]) != 0
+
+
+CLICKS = """
+<script>
+const wait = setInterval(() => {
+  const part = id => document.getElementById(id);
+  if (+part("time").max === 1) return;  // not ready yet
+  clearInterval(wait);
+  const shown = path => viewer.scene_tree.find(path).object.visible;
+  const sole = ["walk", "vsf_frame", "sole"], sphere = ["walk", "vsf_frame", "site_0"];
+  part("time").value = 0.36;
+  part("time").dispatchEvent(new Event("input"));
+  setTimeout(() => {
+    const found = {time: viewer.animator.time, playing: viewer.animator.playing, now: part("now").textContent,
+                   foot: viewer.scene_tree.find(["walk", "vsf_frame"]).object.position.toArray(),
+                   before: [shown(sole), shown(sphere)]};
+    part("spheres").click();
+    part("play").click();
+    found.after = [shown(sole), shown(sphere)];
+    found.plays = viewer.animator.playing;
+    console.log("FOUND" + JSON.stringify(found) + "END");
+  }, 200);
+}, 50);
+</script>
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+@pytest.mark.parametrize("width", [1300, 390])
+def test_the_time_bar_leads_the_walk_and_the_page_needs_nothing_else(tmp_path, width):
+    walk = short_walk()
+    page = replay_page(tmp_path, walk, plate=plate(), intact_plate=plate())
+    last = make_frames(walk, plate=None, rate_hz=RATE_HZ).forces["prosthetic predicted"].force_W[-1, 2]
+    (tmp_path / "clicked.html").write_text(page.replace("</body>", CLICKS + "</body>"), encoding="utf-8")
+    (tmp_path / "browser").mkdir()
+    seen = look(tmp_path / "clicked.html", tmp_path / "browser", width=width, height=800, budget_ms=3000)
+    [found] = [json.loads(re.search("FOUND(.*)END", line)[1]) for line in seen.console if "FOUND" in line]
+    assert found["time"] == pytest.approx(0.24), "the bar ends with the walk"
+    assert not found["playing"] and found["plays"]
+    assert found["now"] == f"0.640 s of the trial, fulcrum 108 mm, predicted {last:.0f} N"
+    np.testing.assert_allclose(found["foot"], tracks(page)["/walk/vsf_frame"]["position"][1][-1], atol=1e-5)
+    assert found["before"] == [True, False] and found["after"] == [False, True]
+    assert not [line for line in seen.console if "ERROR" in line or "Uncaught" in line]
+    assert not seen.requests and not seen.out and seen.scroll <= seen.width

@@ -76,6 +76,10 @@ class Trial:
     def prosthetic_plate(self) -> PlateRecording:
         return self.plates[self.subject.prosthetic_side]
 
+    @property
+    def intact_plate(self) -> PlateRecording | None:
+        return next((plate for side, plate in self.plates.items() if side != self.subject.prosthetic_side), None)
+
 
 def default_model() -> ModelParameters:
     """The model of a manifest that names none: models/nominal.yaml, calibrated to the published bench end points."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from pydrake.geometry import GeometryId, Role, SceneGraph, Sphere
+from pydrake.geometry import GeometryId, Mesh, Role, SceneGraph, Sphere
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
@@ -96,7 +96,7 @@ def rigid_foot(parameters: FootParameters) -> tuple[FootHandles, list[dict[str, 
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     foot = add_foot(plant, plant.world_frame(), parameters, name=NAME)
-    add_foot_visuals(plant, foot)
+    add_foot_visuals(plant, foot, spheres=True)
     add_contact_geometry(plant, foot, "drake_point")
     plant.Finalize()
     inspector = scene_graph.model_inspector()
@@ -112,7 +112,8 @@ def _link(plant: MultibodyPlant, inspector: Any, body: RigidBody, start: float) 
         "name": inspector.GetName(i).split("::")[-1], "shape": inspector.GetShape(i),
         "X_BG": inspector.GetPoseInFrame(i),
         "colour": inspector.GetIllustrationProperties(i).GetProperty("phong", "diffuse").rgba}
-        for i in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(body.index()), Role.kIllustration)]
+        for i in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(body.index()), Role.kIllustration)
+        if not isinstance(inspector.GetShape(i), Mesh)]  # the sole would be a file of its own
     return {"name": body.name(), "mass": inertia.get_mass(), "p_BBcm": centre, "p_KB": np.array([start, 0.0, 0.0]),
             "moments": inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3(), "drawings": drawings,
             "pads": dict(pad_of(inspector, shape) for shape in plant.GetCollisionGeometriesForBody(body))}

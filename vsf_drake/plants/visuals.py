@@ -1,5 +1,8 @@
-"""What foot, person and station look like: visual shapes for a SceneGraph, without any role in the physics. The frame's
-box, the carriage with its roller under the keel and the intact foot are stand-ins; all others follow the model."""
+"""What foot, person and station look like: visual shapes for a SceneGraph, without any role in the physics.
+
+Keel, legs, socket and pylon have the model's dimensions, soles its length and height. Drawn only are outlines of feet,
+the prosthesis's rail, adapter and carriage, and trunk, head and arms, up to the subject's stature.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydrake.common import MemoryFile
-from pydrake.geometry import Box, Cylinder, Ellipsoid, InMemoryMesh, Mesh, SceneGraph, Shape, Sphere
+from pydrake.geometry import Box, Cylinder, InMemoryMesh, Mesh, SceneGraph, Shape, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
@@ -24,12 +28,13 @@ from vsf_drake.plants.person import SOCKET_RADIUS_M, PersonHandles
 Colour = tuple[float, float, float, float]
 """Red, green, blue, opacity, each 0 to 1."""
 
-FRAME: Colour = (0.42, 0.45, 0.50, 0.45)
-KEEL: Colour = (0.20, 0.50, 0.38, 1.0)
-CARRIAGE: Colour = (0.10, 0.10, 0.12, 1.0)
-SPHERE: Colour = (0.78, 0.78, 0.74, 0.6)
-SKIN: Colour = (0.76, 0.58, 0.45, 1.0)
-TRUNK: Colour = (0.38, 0.46, 0.56, 1.0)
+FRAME: Colour = (0.30, 0.32, 0.36, 1.0)
+KEEL: Colour = (0.10, 0.45, 0.36, 1.0)
+CARRIAGE: Colour = (0.95, 0.74, 0.05, 1.0)
+FOAM: Colour = (0.84, 0.79, 0.72, 1.0)
+SPHERE: Colour = (0.78, 0.78, 0.74, 0.8)
+SKIN: Colour = (0.79, 0.62, 0.50, 1.0)
+CLOTHES: Colour = (0.38, 0.46, 0.56, 1.0)
 SOCKET: Colour = (0.25, 0.30, 0.38, 0.55)
 METAL: Colour = (0.62, 0.64, 0.67, 1.0)
 GROUND: Colour = (0.72, 0.70, 0.66, 1.0)
@@ -38,12 +43,37 @@ LEAST_RADIUS_M = 0.004
 """Smaller contact spheres are drawn with this radius, their lowest points where they are."""
 SITE_NAME = "site_{}"
 """Name of the drawing of the i-th contact sphere of the prosthetic foot."""
-_SIDES = 32
+_SIDES = 24
 _SOCKET_WALL_M, _GROUND_SHOWN_M, _PLATE_M = 0.006, 3.0, 0.02
+_RAIL_M, _ROLLER_M, _LAP_M = 0.006, 0.006, 0.002  # rail's thickness, roller's radius, overlap of the sole's pieces
+_OUTLINE = np.array([
+    [0.00, 0.02, 0.06, 0.12, 0.20, 0.35, 0.50, 0.62, 0.72, 0.82, 0.90, 0.95, 0.98, 1.00],
+    [0.045, 0.080, 0.112, 0.128, 0.132, 0.126, 0.138, 0.162, 0.176, 0.173, 0.160, 0.140, 0.115, 0.075],
+    [0.000, 0.000, 0.000, 0.000, 0.000, 0.008, 0.012, 0.010, 0.002, -0.010, -0.020, -0.026, -0.030, -0.034],
+    [0.40, 0.55, 0.72, 0.86, 0.97, 1.00, 0.74, 0.55, 0.45, 0.38, 0.32, 0.27, 0.22, 0.15]])
+"""A foot from heel to toe, by share of its length: half its width and how far its middle is lateral, as shares of the
+length, and the height of its back as a share of the ankle's."""
+_TRUNK = np.array([
+    [-0.16, -0.10, 0.00, 0.17, 0.38, 0.62, 0.80, 0.90, 0.96, 1.01, 1.03],
+    [0.00, 0.00, 0.00, 0.00, 0.01, 0.01, 0.00, -0.01, -0.01, -0.01, -0.01],
+    [0.08, 0.16, 0.20, 0.21, 0.18, 0.20, 0.21, 0.19, 0.15, 0.11, 0.09],
+    [0.12, 0.25, 0.32, 0.31, 0.26, 0.29, 0.32, 0.33, 0.28, 0.15, 0.10]])
+_HEAD = np.array([
+    [-0.185, -0.150, -0.130, -0.117, -0.095, -0.065, -0.035, -0.014, -0.004, 0.000],
+    [-0.012, -0.006, 0.000, 0.008, 0.010, 0.006, 0.003, 0.001, 0.000, 0.000],
+    [0.034, 0.031, 0.036, 0.046, 0.053, 0.056, 0.053, 0.038, 0.022, 0.006],
+    [0.034, 0.032, 0.034, 0.036, 0.041, 0.044, 0.043, 0.031, 0.018, 0.005]])
+_ARM = np.array([
+    [-0.395, -0.385, -0.350, -0.305, -0.295, -0.190, -0.155, -0.090, -0.040, 0.000, 0.016, 0.027, 0.031],
+    [0.068, 0.066, 0.056, 0.043, 0.040, 0.008, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000, 0.000],
+    [0.006, 0.016, 0.022, 0.016, 0.016, 0.025, 0.024, 0.028, 0.031, 0.030, 0.026, 0.016, 0.004],
+    [0.004, 0.008, 0.012, 0.012, 0.014, 0.023, 0.022, 0.026, 0.029, 0.028, 0.023, 0.014, 0.003]])
+"""Height, middle, half depth and half width: of the trunk from the hips, in shares of its length; of the head from the
+crown and of the arm from the shoulder, in shares of the stature. Drawn by eye, after the lengths of de Leva (1996)."""
 
 
-def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
-    """Gives the bodies of `foot` shapes to be seen by: rigid frame, keel pieces, carriage, contact spheres.
+def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool = False) -> None:
+    """Gives the bodies of `foot` shapes to be seen by: rail, keel pieces, carriage, a sole; contact spheres if asked.
 
     Call it once a foot, after `add_foot` and before `plant.Finalize()`, on a plant that is registered as a source of
     a SceneGraph, as `AddMultibodyPlantSceneGraph` leaves it.
@@ -54,56 +84,86 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles) -> None:
     require(not plant.is_finalized(), "the plant is finalized and takes no more shapes", "add_foot_visuals",
             "Call it between add_foot and plant.Finalize()")
     check_type(foot, FootHandles, "foot", "Give what add_foot returned")
-    keel, rear = foot.parameters.keel, foot.parameters.fulcrum.rearmost_m
-    bottom = 0.5 * keel.thickness_m
-    height = float(foot.mount.GetFixedPoseInBodyFrame().translation()[2]) - bottom
+    p, keel, reach = foot.parameters, foot.parameters.keel, foot.parameters.fulcrum
+    pylon_x, _, mount_z = foot.mount.GetFixedPoseInBodyFrame().translation()
+    top, width = 0.5 * keel.thickness_m, keel.width_m
+    # the keel bends up in front of the fulcrum, which therefore bears on it from above, hung from a rail
+    rail = max(0.65 * mount_z, top + 2.0 * _ROLLER_M)
+    length = reach.foremost_m + 0.02
     try:
-        draw(plant, foot.frame, "frame", Box(1.5 * rear, 0.8 * keel.width_m, height), FRAME,
-             (0.75 * rear, 0.0, bottom + 0.5 * height))
+        draw(plant, foot.frame, "frame", Box(length, 0.45 * width, _RAIL_M), FRAME,
+             (0.5 * length - 0.01, 0.0, rail + 0.5 * _RAIL_M))
     except RuntimeError as error:
         raise InputError(f"the foot {foot.name!r} has its shapes already", where="add_foot_visuals",
                          right="Call it once a foot") from error
-    ends = np.append(foot.keel_starts[1:], sum(keel.element_lengths_m))
-    for piece, length in zip(foot.keel, (ends - foot.keel_starts).tolist(), strict=True):
-        draw(plant, piece, "piece", Box(length, keel.width_m, keel.thickness_m), KEEL, (0.5 * length, 0.0, 0.0))
-    # In the model the carriage, here with a roller under the keel, holds the keel from both sides.
+    sideways = RotationMatrix.MakeXRotation(0.5 * np.pi)
+    draw(plant, foot.frame, "hinge", Box(0.016, 0.8 * width, rail - top), FRAME, (0.0, 0.0, 0.5 * (rail + top)))
+    draw(plant, foot.frame, "pin", Cylinder(2.0 * top, 1.05 * width), METAL, R_BG=sideways)
+    draw(plant, foot.frame, "adapter", Cylinder(0.018, mount_z - rail), METAL, (pylon_x, 0.0, 0.5 * (mount_z + rail)))
     carriage = foot.carriage_joint(plant).child_body()
-    roller, width = 0.2 * foot.parameters.foam_thickness_m, 1.1 * keel.width_m
-    draw(plant, carriage, "roller", Cylinder(roller, width), CARRIAGE, (0.0, 0.0, -0.5 * keel.thickness_m - roller),
-         RotationMatrix.MakeXRotation(0.5 * np.pi))
-    draw(plant, carriage, "carriage", Box(0.02, width, 0.02), CARRIAGE, (0.0, 0.0, 0.02))
-    _draw_sites(plant, foot.sites, SITE_NAME)
+    draw(plant, carriage, "roller", Cylinder(_ROLLER_M, 1.1 * width), CARRIAGE, (0.0, 0.0, top + _ROLLER_M), sideways)
+    draw(plant, carriage, "carriage", Box(0.018, 0.6 * width, rail - top - _ROLLER_M), CARRIAGE,
+         (0.0, 0.0, 0.5 * (rail + top + _ROLLER_M)))
+
+    ends = np.append(foot.keel_starts[1:], sum(keel.element_lengths_m))
+    for piece, size in zip(foot.keel, (ends - foot.keel_starts).tolist(), strict=True):
+        draw(plant, piece, "piece", Box(size, width, keel.thickness_m), KEEL, (0.5 * size, 0.0, 0.0))
+    # foam below the keel, on the rigid frame as far as its spheres are, then on the pieces of the keel
+    outward = {"left": 1.0, "right": -1.0}.get(foot.side, 0.0)
+    share, *outline, _ = _OUTLINE
+    shares, foam = p.heel_x_m + p.length_m * share, max(p.foam_thickness_m, 1e-3)
+    ends[-1] = max(ends[-1], shares[-1])
+    starts = np.maximum(foot.keel_starts, reach.rearmost_m)
+    for body, origin, start, end in ((foot.frame, 0.0, shares[0] + _LAP_M, reach.rearmost_m),
+                                     *zip(foot.keel, foot.keel_starts, starts, ends, strict=True)):
+        if end > start:
+            x = np.array([start - _LAP_M, *shares[(shares > start) & (shares < end)], end + _LAP_M])
+            half, middle = (p.length_m * np.interp(x, shares, row) for row in outline)
+            level = np.full_like(x, 0.5 * foam)
+            draw(plant, body, "sole", lofted("x", np.column_stack(
+                [x - origin, outward * middle, -top - level, half, level]), 8.0), FOAM)
+    if spheres:
+        _draw_sites(plant, foot.sites, SITE_NAME)
 
 
-def add_visuals(plant: MultibodyPlant, person: PersonHandles) -> None:
+def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool = False) -> None:
     """Gives the bodies of `person` shapes to be seen by, on conditions as of `add_foot_visuals`."""
-    add_foot_visuals(plant, person.foot)
-    body = person.body
-    # the ellipsoid with the whole trunk's radii of gyration: AP, ML, vertical
-    ap, ml, long = np.square(np.array(body.table.trunk_gyration) * body.trunk_length)
-    axes = np.sqrt(2.5 * np.array([ml + long - ap, ap + long - ml, ap + ml - long]))
-    draw(plant, person.pelvis, "trunk", Ellipsoid(axes), TRUNK, body.trunk_place)
+    add_foot_visuals(plant, person.foot, spheres=spheres)
+    body, stature = person.body, person.subject.stature_m
+    hips = np.array([body.hip_forward, 0.0, body.hip_up])
+    crown = max(stature - body.leg_length, 1.4 * body.trunk_length)  # above the hips
+    arms = [(f"arm_{side}", _ARM, stature, 2.0, SKIN, [-0.005 * stature, lateral * stature, 0.90 * body.trunk_length])
+            for side, lateral in (("left", 0.11), ("right", -0.11))]
+    for name, (height, middle, *half), size, squareness, colour, place in (
+            ("trunk", _TRUNK, body.trunk_length, 2.4, CLOTHES, np.zeros(3)),
+            ("head", _HEAD, stature, 2.0, SKIN, [0.0, 0.0, crown]), *arms):
+        stations = size * np.column_stack([height, middle, np.zeros_like(height), *half])
+        draw(plant, person.pelvis, name, lofted("z", stations, squareness), colour, hips + np.array(place))
     for name, segment in person.segments.items():
         part, _, side = name.partition("_")
         intact = side != person.subject.prosthetic_side
         if part == "thigh":
-            draw(plant, segment, "thigh", frustum_shape(*body.thigh(intact=intact)), SKIN)
-            draw(plant, segment, "hip", Sphere(THIGH_RADIUS_M), SKIN)
+            draw(plant, segment, "thigh", _frustum(*body.thigh(intact=intact)), SKIN)
+            draw(plant, segment, "hip", Sphere(1.05 * THIGH_RADIUS_M), CLOTHES)
         elif part == "shank":
-            draw(plant, segment, "shank", frustum_shape(*body.shank(intact=intact)), SKIN)
+            draw(plant, segment, "shank", _frustum(*body.shank(intact=intact)), SKIN)
             draw(plant, segment, "knee", Sphere(max(SHANK_RADIUS_M, body.thigh(intact=intact)[1])), SKIN)
-        elif part == "foot":  # a low slab from heel to toe, and an instep from the ankle to the ball of the foot
+        elif part == "foot":
             length, height = body.foot_length, body.ankle_height
-            rear, slab = float(np.min(person.intact_sites.p_BS[:, 0] - person.intact_sites.radius)), 0.4 * height
-            draw(plant, segment, "sole", Box(length, 0.33 * length, slab), SKIN,
-                 (rear + 0.5 * length, 0.0, 0.5 * slab - height))
-            draw(plant, segment, "instep", Ellipsoid(0.36 * length, 0.14 * length, 0.55 * height), SKIN,
-                 (rear + 0.36 * length, 0.0, -0.45 * height))
+            rear = float(np.min(person.intact_sites.p_BS[:, 0] - person.intact_sites.radius))
+            share, half, middle, back = _OUTLINE
+            draw(plant, segment, "sole", lofted("x", np.column_stack([
+                rear + length * share, (length if side == "left" else -length) * middle,
+                height * (0.5 * back - 1.0), length * half, 0.5 * height * back]), 3.0), SKIN)
     socket, radius, height = person.socket, SOCKET_RADIUS_M + _SOCKET_WALL_M, 0.85 * body.residual_length
-    draw(plant, socket.socket, "socket", frustum_shape(radius, 0.8 * radius, height), SOCKET, (0.0, 0.0, height))
+    draw(plant, socket.socket, "socket", _frustum(radius, 0.8 * radius, height), SOCKET, (0.0, 0.0, height))
     draw(plant, socket.pylon, "pylon", Cylinder(socket.parameters.pylon_radius_m, body.pylon_length), METAL,
          (0.0, 0.0, -0.5 * body.pylon_length))
-    _draw_sites(plant, person.intact_sites, "intact_site_{}")
+    aside, clamp = body.placement.pose(mirrored=person.foot.side == "left").translation(), 0.03
+    draw(plant, socket.pylon, "clamp", Box(abs(aside[0]) + clamp, abs(aside[1]) + clamp, 0.02), METAL,
+         0.5 * aside - [0.0, 0.0, body.pylon_length])
+    if spheres:
+        _draw_sites(plant, person.intact_sites, "intact_site_{}")
 
 
 def draw_ground(plant: MultibodyPlant, ground: Ground | None) -> None:
@@ -147,19 +207,38 @@ def _draw_sites(plant: MultibodyPlant, sites: ContactSites, name: str) -> None:
         draw(plant, plant.get_body(index), name.format(i), Sphere(drawn), SPHERE, raised)
 
 
-def frustum_shape(proximal: float, distal: float, length: float) -> Mesh:
-    """A closed conical frustum that hangs from the origin along -z; radii and length in m."""
-    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
-    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_SIDES)])
-    vertices = np.vstack([proximal * ring, distal * ring - [0.0, 0.0, length]])
-    slope = np.array([0.0, 0.0, (distal - proximal) / length])
-    normals = np.vstack([ring + slope, [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
-    lines = [" ".join([kind, *(f"{x:.6g}" for x in row)]) for kind, rows in (("v", vertices), ("vn", normals))
+def _frustum(proximal: float, distal: float, length: float) -> Mesh:
+    """A conical frustum that hangs from the origin along -z; radii and length in m."""
+    return lofted("z", [(-length, 0.0, 0.0, distal, distal), (0.0, 0.0, 0.0, proximal, proximal)])
+
+
+def lofted(along: str, stations: ArrayLike, squareness: float = 2.0) -> Mesh:
+    """A closed surface through superellipses across the axis `along`, "x" or "z".
+
+    `stations`: (k, 5) m, place along the axis, increasing, then centre and half-widths along the two axes that follow
+    it in the order x, y, z, x, y. `squareness`: exponent of the superellipse, 2 for ellipses.
+    """
+    place, *middle_and_half = np.array(stations, dtype=float).T[:, :, None]
+    middle, half = np.array(middle_and_half[:2]), np.array(middle_and_half[2:])
+    turn = 2 * np.pi * np.arange(_SIDES) / _SIDES
+    circle = np.array([np.cos(turn), np.sin(turn)])
+    unit = (np.sign(circle) * np.abs(circle) ** (2.0 / squareness))[:, None]
+    across = middle + half * unit
+    points = np.stack([*across, np.broadcast_to(place, across[0].shape)], axis=-1)  # (k, sides, 3)
+    normals = np.cross(np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1), np.gradient(points, axis=0))
+    caps = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]
+    vertices, normals = points.reshape(-1, 3), np.vstack([normals.reshape(-1, 3), caps])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    if along == "x":
+        vertices, normals = (np.roll(rows, 1, axis=1) for rows in (vertices, normals))
+    lines = [" ".join([kind, *(f"{x:.5g}" for x in row)]) for kind, rows in (("v", vertices), ("vn", normals))
              for row in rows]
-    for i in range(1, _SIDES + 1):
-        j = i % _SIDES + 1
-        lines.append(f"f {i}//{i} {i + _SIDES}//{i} {j + _SIDES}//{j} {j}//{j}")
-    lines.append("f " + " ".join(f"{i}//{_SIDES + 1}" for i in range(1, _SIDES + 1)))
-    lines.append("f " + " ".join(f"{i}//{_SIDES + 2}" for i in range(2 * _SIDES, _SIDES, -1)))
+    count = len(vertices)
+    for first in range(1, count - _SIDES + 1, _SIDES):
+        for i in range(_SIDES):
+            a, b = first + i, first + (i + 1) % _SIDES
+            lines.append("f " + " ".join(f"{j}//{j}" for j in (a, b, b + _SIDES, a + _SIDES)))
+    lines.append("f " + " ".join(f"{i}//{count + 1}" for i in range(_SIDES, 0, -1)))
+    lines.append("f " + " ".join(f"{i}//{count + 2}" for i in range(count - _SIDES + 1, count + 1)))
     text = "\n".join(lines) + "\n"
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(contents=text, extension=".obj", filename_hint="frustum.obj")))
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(contents=text, extension=".obj", filename_hint="lofted.obj")))

@@ -71,7 +71,7 @@ def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: Offset
         save_walk(result, folder)
         save_figure(walk_figure(result, plate, metrics), folder / "walk")
         if replay:
-            write_replay(result, folder / "replay.html", plate=plate)
+            write_replay(result, folder / "replay.html", plate=plate, intact_plate=trial.intact_plate)
 
     return WALK.write(out, table, more=more)
 

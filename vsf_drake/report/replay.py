@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraph, Sphere
+from pydrake.geometry import Box, Meshcat, MeshcatAnimation, Rgba, Role, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.perception import PointCloud
 
 from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, resample, uniform_grid, walking_direction
 from vsf_drake.errors import InputError
@@ -31,9 +32,9 @@ from vsf_drake.report.show.drawing import (
     add_arrow,
     finish_page,
     open_meshcat,
+    paint_last,
     shifted,
 )
-from vsf_drake.report.style import name_of
 from vsf_drake.schema import from_plain
 from vsf_drake.simulation.results import WalkResult
 
@@ -46,48 +47,59 @@ PREDICTED: RGB = (0.90, 0.38, 0.00)
 MEASURED: RGB = (0.10, 0.25, 0.65)
 LOADED: RGB = (0.80, 0.05, 0.05)
 WALK, FORCES, GROUND = "/walk", "/forces", "/ground"  # where things stand in Meshcat's tree
+UPRIGHT = f"{WALK}/pelvis/upright"  # what is drawn on the pelvis, turned back by its mean tilt
 ARROW_M_PER_BW = 1.0  # length of a force arrow for one body weight (m)
-_SHAFT_RADIUS_M, _HEAD_LENGTH_M, _HEAD_RADIUS_M, _TRACE_RADIUS_M = 0.010, 0.07, 0.024, 0.004
+ARM_SWING = 0.6  # of the other thigh's, about the shoulder (a choice)
+_DOT_M, _PIECE_M = 0.008, 0.5
+_EYE_HEIGHT_M, _LOOKED_AT_M, _DISTANCE_M = 1.25, 0.90, 3.5
+_ARROWS = {"predicted": (PREDICTED, 0.45, 0.010, (0.07, 0.027), 1),
+           "measured": (MEASURED, 0.99, 0.004, (0.05, 0.011), 2)}
+"""Colour, opacity, radius of the shaft, length and radius of the head (m), order: a slim one shows in a wide one."""
 
 
 def write_replay(result: WalkResult, path: str | Path, *, plate: PlateRecording | None = None,
-                 frame_rate_hz: float = 60.0) -> None:
+                 intact_plate: PlateRecording | None = None, frame_rate_hz: float = 100.0) -> None:
     """Writes the replay of `result` as one HTML file that opens without a network; never simulates.
 
-    The person and the prosthesis move as saved. Contact spheres turn red with their load. Arrows at
-    the centre of pressure show the force of the ground on the prosthetic foot (40 Hz, one metre for a
-    body weight), the dots they leave its path; `plate`, the record under that foot, is drawn beside.
-    The result must hold the parameters and coordinates of a person.
+    The person and the prosthesis move as saved; head, trunk and arms are drawn. Arrows at the centre of pressure show
+    the force of the ground (40 Hz, one metre for a body weight), dots the centre's path: on the prosthetic foot as
+    predicted and, within that, as `plate` recorded it; on the intact foot as `intact_plate` did. A time bar below has
+    the vertical forces. The result must hold the parameters and coordinates of a person.
     """
-    frames = make_frames(result, plate=plate, rate_hz=frame_rate_hz)
+    frames = make_frames(result, plate=plate, intact_plate=intact_plate, rate_hz=frame_rate_hz)
     meshcat = open_meshcat()
     animation = _record_walk(meshcat, result, frames)
     weight = GRAVITY * result.subject_mass_kg
-    legend = [(PREDICTED, "predicted force of the ground on the prosthetic foot")]
-    _record_force(meshcat, animation, "predicted", PREDICTED, frames.predicted, weight)
-    if frames.measured is not None:
-        legend.append((MEASURED, "reference force (synthetic)" if result.synthetic else "force measured by the plate"))
-        _record_force(meshcat, animation, "measured", MEASURED, frames.measured, weight)
-    legend.append((LOADED, f"contact sphere, full colour from {100 * FULL_COLOUR_BW:g} % of body weight"))
+    top = 1.05 * max(weight, *(float(np.nanmax(force.force_W[:, 2], initial=0.0)) for force in frames.forces.values()))
+    curves = []
+    for name, force in frames.forces.items():
+        foot, _, kind = name.partition(" ")
+        colour = _record_force(meshcat, animation, name, kind, force, weight)
+        vertical = force.force_W[:, 2]
+        points = " ".join(f"{x:.2f},{y:.2f}" for x, y in zip(
+            np.linspace(0.0, 1000.0, len(vertical)), 100.0 - 100.0 * vertical / top, strict=True) if np.isfinite(y))
+        curves.append({"foot": foot, "kind": kind, "colour": "#" + "".join(f"{round(255 * c):02x}" for c in colour),
+                       "points": points, "newtons": np.round(vertical).tolist()})
     _set_scene(meshcat, result, frames)
     meshcat.SetAnimation(animation)
-    lowest, highest = float(result.fulcrum_m.min()), float(result.fulcrum_m.max())
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     write_text(path, finish_page(
-        meshcat, f"{result.trial_name}: {kind}", "replay.html.j2", walk=result,
-        fulcrum=name_of(round(1e3 * lowest, 3)), highest_mm=1e3 * highest if highest - lowest > 1e-6 else None,
-        legend=[("#" + "".join(f"{round(255 * c):02x}" for c in colour), name) for colour, name in legend]))
+        meshcat, f"{result.trial_name}: {kind}", "replay.html.j2", walk=result, curves=curves,
+        fulcrum_mm=np.round(1e3 * frames.fulcrum_m, 1).tolist(), weight_n=weight, weight_height=100.0 * weight / top,
+        intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight, full_percent=100 * FULL_COLOUR_BW,
+        loaded="#" + "".join(f"{round(255 * c):02x}" for c in LOADED),
+        follow=f"{WALK}/pelvis", inset=f"{WALK}/vsf_frame", rate_hz=frame_rate_hz))
 
 
 def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> MeshcatAnimation:
-    """Publishes the bodies and records their poses and the colours of the spheres."""
+    """Publishes the bodies and records their poses, the swing of the arms, and the colours of the spheres."""
     plant, scene_graph = MultibodyPlant(0.0), SceneGraph()
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     person = add_person(plant, _part(result, "subject", Subject), check_model(_part(result, "model", ModelParameters)))
     if len(person.foot.sites.radius) != result.sphere_normal_n.shape[1]:
         raise InputError(f"has {result.sphere_normal_n.shape[1]} spheres, the model of the result "
                          f"{len(person.foot.sites.radius)}", where="sphere_normal_n")
-    add_visuals(plant, person)
+    add_visuals(plant, person, spheres=True)
     offsets = _part(result, "offsets", GeometricOffsets)
     plant.Finalize()
     moving = {joint.name(): joint.position_start() for index in plant.GetJointIndices()
@@ -98,15 +110,24 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
                          where="coordinate_names")
     order = [result.coordinate_names.index(name) for name in sorted(moving, key=moving.__getitem__)]
     inspector = scene_graph.model_inspector()
-    bodies = {}
+    bodies, arms = {}, {}
     for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
         bodies[body.name()] = body
-        path = f"{WALK}/{body.name()}/{inspector.GetName(geometry).rpartition('::')[2]}"
+        name, pose = inspector.GetName(geometry).rpartition("::")[2], inspector.GetPoseInFrame(geometry)
+        path = f"{UPRIGHT if body is person.pelvis else f'{WALK}/{body.name()}'}/{name}"
+        if name.startswith("arm_"):
+            arms[path] = pose, "hip_flexion_r" if name == "arm_left" else "hip_flexion_l"
         colour = inspector.GetIllustrationProperties(geometry).GetProperty("phong", "diffuse")
         assert isinstance(colour, Rgba)
         meshcat.SetObject(path, inspector.GetShape(geometry), colour)
-        meshcat.SetTransform(path, inspector.GetPoseInFrame(geometry))
+        meshcat.SetTransform(path, pose)
+    hips = shifted(person.body.hip_forward, 0.0, person.body.hip_up)
+    meshcat.SetTransform(UPRIGHT, hips @ _forward(-result.column("pelvis_tilt").mean()) @ hips.inverse())
+    keel = np.array([[0.0, sum(person.foot.parameters.keel.element_lengths_m)], [0.0, 0.0], [0.0, 0.0]])
+    meshcat.SetLine(f"{WALK}/{person.foot.frame.name()}/straight_keel", np.asfortranarray(keel), 1.0,
+                    Rgba(0.0, 0.0, 0.0, 0.99))
+    paint_last(meshcat, f"{WALK}/{person.foot.frame.name()}/straight_keel")
     context = plant.CreateDefaultContext()
     set_mount(context, person.foot, **mount_of(offsets))
     animation = MeshcatAnimation(frames.rate_hz)
@@ -114,6 +135,10 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
         plant.SetPositions(context, q[order])
         for name, body in bodies.items():
             animation.SetTransform(i, f"{WALK}/{name}", body.EvalPoseInWorld(context))
+    for path, (shoulder, thigh) in arms.items():
+        swing = ARM_SWING * frames.q[:, result.coordinate_names.index(thigh)]
+        for i, angle in enumerate(swing - swing.mean()):
+            animation.SetTransform(i, path, shoulder @ _forward(angle))
     low, high = np.array(SPHERE[:3]), np.array(LOADED)
     for j, index in enumerate(person.foot.sites.body_indices):
         path = f"{WALK}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
@@ -123,6 +148,11 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
     return animation
 
 
+def _forward(angle: float) -> RigidTransform:
+    """A turn that swings what hangs down forward."""
+    return RigidTransform(RotationMatrix.MakeYRotation(-angle), np.zeros(3))
+
+
 def _part(result: WalkResult, name: str, schema: type[T]) -> T:
     where = f"parameters.{name}"
     if name not in result.parameters:
@@ -130,26 +160,25 @@ def _part(result: WalkResult, name: str, schema: type[T]) -> T:
     return from_plain(schema, result.parameters[name], where=where)
 
 
-def _record_force(meshcat: Meshcat, animation: MeshcatAnimation, name: str, colour: RGB, force: ForceFrames,
-                  weight: float) -> None:
-    """An arrow from the centre of pressure along the force, and a dot left in each frame."""
-    paint, path = Rgba(*colour, 0.95), f"{FORCES}/{name}"
-    add_arrow(meshcat, f"{path}/arrow", paint, shaft_radius=_SHAFT_RADIUS_M, head=(_HEAD_LENGTH_M, _HEAD_RADIUS_M),
-              shaft_from=0.0)
+def _record_force(meshcat: Meshcat, animation: MeshcatAnimation, name: str, kind: str, force: ForceFrames,
+                  weight: float) -> RGB:
+    """An arrow from the centre of pressure along the force, and dots along the centre's path; returns their colour."""
+    colour, opacity, radius, head, order = _ARROWS[kind]
+    path = f"{FORCES}/{name}"
+    add_arrow(meshcat, f"{path}/arrow", Rgba(*colour, opacity), shaft_radius=radius, head=head, shaft_from=0.0,
+              order=order)
     for i, shown in enumerate(force.shown):
         animation.SetProperty(i, f"{path}/arrow", "visible", bool(shown))
-        if not shown:
-            continue
-        length = ARROW_M_PER_BW * float(np.linalg.norm(force.force_W[i])) / weight
-        along = RotationMatrix.MakeFromOneVector(force.force_W[i], 2)
-        animation.SetTransform(i, f"{path}/arrow", RigidTransform(along, force.cop_W[i]))
-        animation.SetProperty(i, f"{path}/arrow/shaft", "scale", [1.0, 1.0, max(length - _HEAD_LENGTH_M, 0.01)])
-        animation.SetTransform(i, f"{path}/arrow/head", shifted(0.0, 0.0, length))
-        dot = f"{path}/trace/{i}"
-        meshcat.SetObject(dot, Sphere(_TRACE_RADIUS_M), paint)
-        meshcat.SetTransform(dot, RigidTransform(force.cop_W[i]))
-        for frame in dict.fromkeys((0, i)):
-            animation.SetProperty(frame, dot, "visible", frame == i)
+        if shown:
+            length = ARROW_M_PER_BW * float(np.linalg.norm(force.force_W[i])) / weight
+            along = RotationMatrix.MakeFromOneVector(force.force_W[i], 2)
+            animation.SetTransform(i, f"{path}/arrow", RigidTransform(along, force.cop_W[i]))
+            animation.SetProperty(i, f"{path}/arrow/shaft", "scale", [1.0, 1.0, max(length - head[0], 0.01)])
+            animation.SetTransform(i, f"{path}/arrow/head", shifted(0.0, 0.0, length))
+    dots = PointCloud(int(np.count_nonzero(force.shown)))
+    dots.mutable_xyzs()[:] = force.cop_W[force.shown].T
+    meshcat.SetObject(f"{path}/path", dots, _DOT_M, Rgba(*colour))
+    return colour
 
 
 def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> None:
@@ -160,7 +189,7 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> No
     size, middle = high - low, 0.5 * (low + high)
     for name in ("/Grid", "/Axes"):
         meshcat.SetProperty(name, "visible", False)
-    meshcat.SetObject(f"{GROUND}/plane", Box(float(size[0]), float(size[1]), 0.002), Rgba(0.80, 0.82, 0.80, 0.55))
+    meshcat.SetObject(f"{GROUND}/plane", Box(float(size[0]), float(size[1]), 0.002), Rgba(0.86, 0.87, 0.86))
     meshcat.SetTransform(f"{GROUND}/plane", shifted(middle[0], middle[1], -0.002))
     for name, spacing, shade in (("fine", 0.1, 0.62), ("coarse", 0.5, 0.30)):
         start, end = _grid(low, high, spacing)
@@ -168,22 +197,24 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> No
                                 Rgba(shade, shade, shade, 1.0))
     forward = walking_direction(result)
     side = np.array([-forward[1], forward[0]]) * (1.0 if result.side == "left" else -1.0)
-    length = float(np.linalg.norm(np.ptp(path, axis=0)))
-    half = np.tan(np.radians(0.5 * FIELD_OF_VIEW_DEG))
-    distance = max(1.05 / half, (0.5 * length + 0.6) / (1.4 * half))
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
-    centre = 0.5 * (path.min(axis=0) + path.max(axis=0))
-    eye = centre + distance * (0.96 * side + 0.28 * forward)
-    meshcat.SetCameraPose(np.array([*eye, 1.3]), np.array([*centre, 0.70]))
+    start = frames.q[0, [names.index("pelvis_tx"), names.index("pelvis_tz")]] * [1.0, -1.0]
+    eye = start + _DISTANCE_M * (0.94 * side + 0.34 * forward)
+    meshcat.SetCameraPose(np.array([*eye, _EYE_HEIGHT_M]), np.array([*start, _LOOKED_AT_M]))
 
 
 def _grid(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """(k, 3) starts and ends of the lines of a grid on the ground."""
-    (x0, y0), (x1, y1) = low, high
-    xs, ys = (np.arange(a, b + 0.5 * spacing, spacing) for a, b in ((x0, x1), (y0, y1)))
-    start = [(x, y0, 0.0) for x in xs] + [(x0, y, 0.0) for y in ys]
-    end = [(x, y1, 0.0) for x in xs] + [(x1, y, 0.0) for y in ys]
-    return np.array(start), np.array(end)
+    """(k, 3) starts and ends of the lines of a grid on the ground, in pieces: some renderers drop long ones."""
+    start: list[np.ndarray] = []
+    end: list[np.ndarray] = []
+    for along in (0, 1):
+        places = np.arange(low[1 - along], high[1 - along] + 0.5 * spacing, spacing)
+        for at in np.arange(low[along], high[along], _PIECE_M):
+            for points, where in ((start, at), (end, at + _PIECE_M)):
+                line = np.zeros((len(places), 3))
+                line[:, along], line[:, 1 - along] = where, places
+                points.append(line)
+    return np.vstack(start), np.vstack(end)
 
 
 # What a replay shows in each of its frames: pure numbers out of a saved result, no Drake.
@@ -197,36 +228,38 @@ FULL_COLOUR_BW = 0.1  # normal force (body weights) at which a contact sphere ha
 class ForceFrames:
     """A force of the ground in f frames."""
 
-    force_W: np.ndarray  # (f, 3) N, low-passed as it is scored
+    force_W: np.ndarray  # (f, 3) N, low-passed as it is scored; NaN beyond the record
     cop_W: np.ndarray  # (f, 3) m, centre of pressure as saved
     shown: np.ndarray  # (f,) whether there is enough load, and such a centre
 
 
 @dataclass(frozen=True, eq=False)
 class ReplayFrames:
-    """A walk in f frames; the force on the prosthetic foot and, if there is a plate, the plate's."""
+    """A walk in f frames, and the forces on its feet."""
 
     rate_hz: float
     time_s: np.ndarray  # (f,) the clock of the recording
     q: np.ndarray  # (f, m) coordinates in the order of the result's `coordinate_names`
+    fulcrum_m: np.ndarray  # (f,)
     sphere_load: np.ndarray  # (f, N) normal force on each sphere, 0 (none) to 1 (FULL_COLOUR_BW and more)
-    predicted: ForceFrames
-    measured: ForceFrames | None
+    forces: dict[str, ForceFrames]  # "prosthetic predicted"; where recorded "prosthetic measured", "intact measured"
 
 
-def make_frames(result: WalkResult, *, plate: PlateRecording | None, rate_hz: float) -> ReplayFrames:
-    """Samples `result` (and `plate`, the record under the prosthetic foot) at `rate_hz` frames a second."""
+def make_frames(result: WalkResult, *, plate: PlateRecording | None, intact_plate: PlateRecording | None = None,
+                rate_hz: float) -> ReplayFrames:
+    """Samples `result`, and the plates under either foot, at `rate_hz` frames a second."""
     if not 0.0 < rate_hz <= HIGHEST_RATE_HZ:
         raise InputError(f"{rate_hz:g} frames per second cannot be shown", where="frame_rate_hz",
                          right=f"It must be above 0 and at most {HIGHEST_RATE_HZ:g}")
     start, end = float(result.time_s[0]), float(result.time_s[-1])
     time = start + np.arange(math.floor((end - start) * rate_hz + 1e-6) + 1) / rate_hz
     load = resample(time, result.time_s, result.sphere_normal_n) / (FULL_COLOUR_BW * GRAVITY * result.subject_mass_kg)
+    forces = {"prosthetic predicted": _force_frames(time, result.time_s, result.grf_W, result.cop_W)} | {
+        f"{foot} measured": _force_frames(time, recorded.time_s, recorded.force_W, recorded.cop_W)
+        for foot, recorded in (("prosthetic", plate), ("intact", intact_plate)) if recorded is not None}
     return ReplayFrames(
         rate_hz=rate_hz, time_s=time, q=resample(time, result.time_s, result.q),
-        sphere_load=np.clip(load, 0.0, 1.0),
-        predicted=_force_frames(time, result.time_s, result.grf_W, result.cop_W),
-        measured=None if plate is None else _force_frames(time, plate.time_s, plate.force_W, plate.cop_W))
+        fulcrum_m=np.interp(time, result.time_s, result.fulcrum_m), sphere_load=np.clip(load, 0.0, 1.0), forces=forces)
 
 
 def _force_frames(time: np.ndarray, samples_s: np.ndarray, force_W: np.ndarray, cop_W: np.ndarray) -> ForceFrames:
@@ -243,5 +276,6 @@ def _force_frames(time: np.ndarray, samples_s: np.ndarray, force_W: np.ndarray, 
     nearest = np.where(time - samples_s[after - 1] < samples_s[np.minimum(after, last)] - time, after - 1, after)
     cop = cop_W[np.minimum(nearest, last)]
     inside = (time >= samples_s[0] - 1e-9) & (time <= samples_s[-1] + 1e-9)
+    force[~inside] = np.nan
     return ForceFrames(force_W=force, cop_W=cop,
                        shown=inside & (force[:, 2] > THRESHOLD_N) & np.isfinite(cop).all(axis=1))

@@ -35,19 +35,29 @@ def open_meshcat() -> Meshcat:
     level = log.level
     log.setLevel(logging.ERROR)
     try:
-        return Meshcat(MeshcatParams(host=host if sys.platform == "linux" else "localhost", show_stats_plot=False))
+        meshcat = Meshcat(MeshcatParams(host=host if sys.platform == "linux" else "localhost", show_stats_plot=False))
     finally:
         log.setLevel(level)
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 1.2)
+    for end, shade in (("top", 1.0), ("bottom", 0.90)):
+        meshcat.SetProperty("/Background/<object>", f"{end}_color", [shade, shade, shade])
+    return meshcat
 
 
-def finish_page(meshcat: Meshcat, title: str, template: str, /, **facts: object) -> str:
-    """Meshcat as one HTML file with `title`, and a caption along its lower edge, from a template of captions."""
-    page, titles = re.subn(r"<title>.*?</title>", lambda _: f"<title>{escape(title)}</title>",
-                           meshcat.StaticHtml(), count=1, flags=re.DOTALL)
-    head, tag, tail = page.rpartition("</body>")
+def finish_page(meshcat: Meshcat, title: str, template: str, /, *, follow: str | None = None, inset: str | None = None,
+                **facts: object) -> str:
+    """Meshcat as one HTML file with `title`, a time bar, switches and the caption of a template.
+
+    The camera goes with what is at the path `follow` in Meshcat's tree; the foot whose frame is at `inset` is shown
+    enlarged beside.
+    """
+    head = f'<meta name="viewport" content="width=device-width,initial-scale=1"><title>{escape(title)}</title>'
+    page, titles = re.subn(r"<title>.*?</title>", lambda _: head, meshcat.StaticHtml(), count=1, flags=re.DOTALL)
+    start, tag, end = page.rpartition("</body>")
     if not titles or not tag:
         raise ValueError("Meshcat's page has no title or no body to write into")
-    return f"{head}{render(template, title=title, **facts)}{tag}{tail}"
+    rendered = render(template, title=title, follow=follow, inset=inset, field_of_view=FIELD_OF_VIEW_DEG, **facts)
+    return f"{start}{rendered}{tag}{end}"
 
 
 def shifted(x: float, y: float, z: float) -> RigidTransform:
@@ -56,10 +66,10 @@ def shifted(x: float, y: float, z: float) -> RigidTransform:
 
 
 def add_arrow(meshcat: Meshcat, path: str, colour: Rgba, *, shaft_radius: float, head: tuple[float, float],
-              shaft_from: float) -> None:
+              shaft_from: float, order: int = 1) -> None:
     """An arrow along z, of a shaft of length 1 m that begins at `shaft_from` and a `head` (length, radius in m).
 
-    It is painted last, over what it passes through.
+    If not quite opaque, it is painted over what it passes through, and over arrows of lower `order`.
     """
     length, radius = head
     meshcat.SetObject(f"{path}/shaft/rod", Cylinder(shaft_radius, 1.0), colour)
@@ -68,8 +78,13 @@ def add_arrow(meshcat: Meshcat, path: str, colour: Rgba, *, shaft_radius: float,
     turned = RotationMatrix.MakeXRotation(np.pi)  # Drake's cone has its tip at the origin and opens along +z
     meshcat.SetTransform(f"{path}/head/cone", RigidTransform(turned))
     for part in ("shaft/rod", "head/cone"):
-        meshcat.SetProperty(f"{path}/{part}/<object>", "material.depthTest", False)
-        meshcat.SetProperty(f"{path}/{part}/<object>", "renderOrder", 1.0)
+        paint_last(meshcat, f"{path}/{part}", order)
+
+
+def paint_last(meshcat: Meshcat, path: str, order: int = 1) -> None:
+    """Lets what is at `path`, if it is not quite opaque, show through everything of lower `order`."""
+    meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
+    meshcat.SetProperty(f"{path}/<object>", "renderOrder", float(order))
 
 
 def add_triad(meshcat: Meshcat, path: str, length: float) -> None:

@@ -36,8 +36,8 @@ LOAD, FULCRUM = "load at the toe", "fulcrum"  # names of the two controls that b
 LARGEST_LOAD_N, ARROW_M_PER_N, _HEAD_M = 800.0, 2.5e-4, (0.018, 0.008)
 PLATEN: Colour = (0.35, 0.36, 0.40, 1.0)
 _PLATEN_THICKNESS_M = 0.010
-_CAMERAS = {"foot": ((0.45, -0.50, 0.30), (0.08, 0.0, 0.04)), "bench": ((0.40, -0.55, 0.15), (0.05, 0.0, -0.05)),
-            "person": ((2.3, -2.8, 1.3), (0.0, 0.0, 0.68))}
+_CAMERAS = {"foot": ((0.32, -0.46, 0.20), (0.06, 0.0, 0.02)), "bench": ((0.38, -0.56, 0.12), (0.05, 0.0, -0.06)),
+            "person": ((2.3, -2.8, 1.3), (0.0, 0.0, 0.80))}
 """Where the camera stands and what it looks at in W (m)."""
 _SI = {"N": 1.0, "m": 1.0, "mm": 1e-3, "°": math.pi / 180.0, "° added": math.pi / 180.0}
 _STEPS = {"m": 1e-4, "mm": 0.1, "°": 0.5}
@@ -93,7 +93,7 @@ class Scene:
             if subject is None:
                 raise InputError("a person needs a subject", where="--subject")
             person = add_person(self.plant, subject, model)
-            add_visuals(self.plant, person)
+            add_visuals(self.plant, person, spheres=True)
             self.foot: FootHandles = person.foot
         else:
             mount = self.plant.world_frame()
@@ -101,12 +101,13 @@ class Scene:
                 above = drawing.shifted(0.0, 0.0, model.foot.build_height_m)
                 mount = self.plant.AddFrame(FixedOffsetFrame("mount_place", mount, above))
             self.foot = add_foot(self.plant, mount, model.foot)
-            add_foot_visuals(self.plant, self.foot)
+            add_foot_visuals(self.plant, self.foot, spheres=True)
             if what == "bench":
                 self.platen = _add_machine(self.plant, model.foot)
         self.plant.Finalize()
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, MeshcatVisualizerParams(
             role=Role.kIllustration, prefix=MODEL))
+        self._shapes = scene_graph.model_inspector()
         self.diagram: Diagram = builder.Build()
         self.context: Context = self.diagram.CreateDefaultContext()
         self.frames: dict[str, Frame] = {
@@ -173,16 +174,24 @@ class Scene:
                                  time_in_recording=time_s)
         return shape
 
+    def show_spheres(self, shown: bool) -> None:
+        """Shows the contact spheres and hides the soles, or the other way round."""
+        for geometry in self._shapes.GetAllGeometryIds(Role.kIllustration):
+            frame, name = self._shapes.GetName(self._shapes.GetFrameId(geometry)), self._shapes.GetName(geometry)
+            if (sole := name.endswith("::sole")) or "site_" in name:
+                self.meshcat.SetProperty(f"{MODEL}/{frame}/{name}".replace("::", "/"), "visible", sole != shown)
+
     def _furnish(self) -> None:
         """Triads, arrow and camera, everything at rest."""
         self.meshcat.SetProperty("/Axes", "visible", False)
         self.meshcat.SetProperty("/Grid", "visible", self.what == "person")
         for letter in self.frames:
             drawing.add_triad(self.meshcat, f"{FRAMES}/{letter}", 0.12 if self.what == "person" else 0.05)
-        drawing.add_arrow(self.meshcat, ARROW, Rgba(0.90, 0.38, 0.00), shaft_radius=0.0035, head=_HEAD_M,
+        drawing.add_arrow(self.meshcat, ARROW, Rgba(0.90, 0.38, 0.00, 0.99), shaft_radius=0.0035, head=_HEAD_M,
                           shaft_from=-1.0)
         self.meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=drawing.FIELD_OF_VIEW_DEG, aspect=drawing.ASPECT))
         self.meshcat.SetCameraPose(*map(np.array, _CAMERAS[self.what]))
+        self.show_spheres(False)
         self.draw(self.rest)
 
 
@@ -287,14 +296,18 @@ def write_model_page(what: str, model: ModelParameters, path: str | Path, subjec
     fulcrum = scene.foot.parameters.fulcrum
     first, last = 1e3 * fulcrum.rearmost_m, 1e3 * fulcrum.foremost_m
     meshcat.StartRecording(FRAMES_PER_SECOND, set_visualizations_while_recording=False)
+    told = []
     for i, values in enumerate(_line(scene, first, last)):
-        scene.draw(values, i / FRAMES_PER_SECOND)
+        shape = scene.draw(values, i / FRAMES_PER_SECOND)
+        told.append([round(values[FULCRUM], 1), round(values[LOAD]), round(1e3 * float(shape.load_point_K[1]), 1)])
     meshcat.StopRecording()
     meshcat.get_mutable_recording().set_repetitions(drawing.ENDLESS)
     meshcat.PublishRecording()
     others = [control.name for control in scene.controls if control.name not in (FULCRUM, LOAD)]
-    write_text(path, drawing.finish_page(meshcat, f"vsf_drake: {what}", "shown.html.j2", load_n=f"{SHOWN_LOAD_N:g}",
-                                 first_mm=f"{first:g}", last_mm=f"{last:g}", others=others))
+    write_text(path, drawing.finish_page(
+        meshcat, f"vsf_drake: {what}", "shown.html.j2", load_n=f"{SHOWN_LOAD_N:g}", first_mm=f"{first:g}",
+        last_mm=f"{last:g}", others=others, told=told, rate_hz=FRAMES_PER_SECOND,
+        inset=f"{MODEL}/vsf/vsf_frame" if what == "person" else None))
 
 
 def _line(scene: Scene, first: float, last: float) -> Iterator[dict[str, float]]:
@@ -328,7 +341,7 @@ def _has_desktop() -> bool:
 # in degrees and lengths in millimetres, and the numbers that follow from the pose stand below.
 
 
-STOP, RESET = "Stop", "Reset"
+STOP, RESET, SPHERES = "Stop", "Reset", "Contact spheres"
 RISE, SUPPORT = "= C rises (mm)", "= support (N)"
 """Sliders that show a number and cannot be moved for long: rise of the load point C in K, support force on the keel.
 Meshcat shows some eighteen letters of a name."""
@@ -341,9 +354,9 @@ class Viewer:
     def __init__(self, scene: Scene, say: Callable[[str], None]) -> None:
         self.meshcat, self.scene, self._say, self._warned = scene.meshcat, scene, say, ""
         self._drawn: dict[str, float] = {}
-        for button in (STOP, RESET):
+        for button in (STOP, RESET, SPHERES):
             self.meshcat.AddButton(button)
-        self._resets = 0
+        self._resets = self._spheres = 0
         foot = scene.foot.parameters
         for control in scene.controls:
             self.meshcat.AddSlider(control.label, control.low, control.high, control.step, control.rest)
@@ -364,6 +377,9 @@ class Viewer:
             self._resets = resets
             for control in self.scene.controls:
                 self.meshcat.SetSliderValue(control.label, control.rest)
+        if (spheres := self.meshcat.GetButtonClicks(SPHERES)) != self._spheres:
+            self._spheres = spheres
+            self.scene.show_spheres(spheres % 2 == 1)
         values = self.values()
         if values != self._drawn:
             self._drawn = values

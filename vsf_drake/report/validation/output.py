@@ -81,5 +81,6 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
     conditions = [*study.conditions().values()]
     middle = conditions[len(conditions) // 2]
     shown = next((walk for walk in middle if walk.role == HELD_OUT), middle[0])
-    write_replay(shown.result, folder / REPLAY, plate=shown.recorded.prosthetic_plate)
+    write_replay(shown.result, folder / REPLAY, plate=shown.recorded.prosthetic_plate,
+                 intact_plate=shown.recorded.intact_plate)
     table["replay"] = shown.label
