@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -16,7 +17,7 @@ from command_line import exit_code, read_json
 from made_tuning import BEST_MM, POSITIONS, failed_table, parabola, small_table
 from sweep_files import copied
 
-from vsf_drake.analysis.tuning import level1, level2
+from vsf_drake.analysis.tuning import inputs, level1, level2
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.cli import tune
 from vsf_drake.files import resource
@@ -72,6 +73,14 @@ def test_results_are_written_and_the_screen_says_what_was_found(run, tmp_path, m
     assert table["provenance"]["options"]["cost"] == "joint_load"
     assert any("contact.yaml" in name for name in table["provenance"]["inputs_sha256"])
     assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_an_unfitted_foot_is_told_before_any_number(run, tmp_path, made, monkeypatch):
+    monkeypatch.setattr(inputs, "fit_offsets", lambda trial, progress: SimpleNamespace(
+        success=True, at_bound=(), offsets=trial.offsets))
+    code, out, _ = run("tune", LOW, "--out", tmp_path / "out")
+    note = read_json(tmp_path / "out" / "tuning.json")["notes"][0]
+    assert code == 0 and out.splitlines()[0] == f"! {note}" and note.startswith("UNFITTED") and out.count(note) == 1
 
 
 def test_options_reach_the_analysis(run, tmp_path, made):

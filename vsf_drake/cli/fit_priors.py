@@ -70,8 +70,6 @@ def with_priors(parameters: FitParameters, widths: Mapping[str, str]) -> FitPara
     items = []
     for pattern in widths:
         _check_pattern(pattern, parameters, where="--prior")
-        if all(item.frozen for name, item in parameters.by_name.items() if _fits(pattern, name)):
-            raise InputError(f"{pattern} is frozen: it has no prior", where="--prior", right="Give it to --free too")
     for item in parameters.items:
         own = max((pattern for pattern in widths if _fits(pattern, item.name)), key=len, default=None)
         items.append(item if own is None else dataclasses.replace(item, scale=_width(item, own, widths[own])))

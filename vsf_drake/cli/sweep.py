@@ -25,6 +25,7 @@ from vsf_drake.cli.app import (
     progress,
     read_trials,
     say,
+    warn,
 )
 from vsf_drake.errors import InputError, SimulationError
 
@@ -93,7 +94,7 @@ def sweep(
                          right="Give --vary, or --fulcrum-mm without --sample; --list prints the names")
     check_count(len(trials) * max(1, len(positions)) * (sample or math.prod(len(item.values) for item in axes)),
                 meant=yes)
-    loaded, variables = _loaded(trials, contact, axes, positions, sampled=sample is not None)
+    loaded, variables = _loaded(trials, contact, axes, positions, sampled=sample is not None, fit_offsets=fit_offsets)
     check_sweep_folder(out, loaded.values())
     plan: dict[str, object] = {"fulcrum_mm": positions or None, "step_ms": step_ms, "fit_offsets": fit_offsets,
                                "contact": contact_hash(contact), "sample": None}
@@ -131,9 +132,11 @@ def sweep(
         sys.exit(SimulationError.exit_code)
 
 
-def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], positions: tuple[float, ...], *, sampled: bool
-            ) -> tuple[dict[str, Trial], dict[str, Variable]]:
-    """Trials by a name that is theirs alone, and the variables of the first; each can take what is asked for."""
+def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], positions: tuple[float, ...], *, sampled: bool,
+            fit_offsets: bool) -> tuple[dict[str, Trial], dict[str, Variable]]:
+    """Trials by a name that is theirs alone, and the variables of the first; each can take what is asked for. Warns of
+    a foot that was fitted to nobody."""
+    from vsf_drake.analysis.metrics import unfitted_note
     from vsf_drake.model_file import check_fulcrum
     from vsf_drake.simulation.variables import check_names, check_values
     from vsf_drake.simulation.walk import Walker
@@ -142,6 +145,8 @@ def _loaded(trials: list[Path], contact: Path | None, axes: list[Axis], position
         if file.resolve() in [other.resolve() for other in trials[:i]]:
             raise InputError("the trial stands twice", file=file)
     loaded = read_trials(trials, contact)
+    if contact is None:
+        warn(unfitted_note(loaded[0], offsets_fitted=fit_offsets))
     names = [trial.name for trial in loaded]
     variables: dict[str, Variable] = {}
     for file, trial in zip(trials, loaded, strict=True):

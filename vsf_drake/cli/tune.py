@@ -89,6 +89,7 @@ def tune(
         pareto, "--pareto", COSTS), joints=_names(joints, "--joints"), fulcrum_range_mm=fulcrum_range,
         intervals=intervals, method=method, seed=seed, workers=workers, quick=quick)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
+    from vsf_drake.analysis.metrics import UNFITTED
     from vsf_drake.analysis.tuning.inputs import load_tuning_trials
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import TUNING, answer, first_line, write_tuning
@@ -105,7 +106,7 @@ def tune(
         show("writing the report", 0.99)
         write_tuning(out, table, arrays)
     _check_ended(table, table.status.removesuffix("."), out / PAGE, stopped=_was_interrupted(table))
-    print_text("tuning", t=table, first_line=first_line(table), answer=answer(table))
+    print_text("tuning", t=table, first_line=first_line(table), answer=answer(table), unfitted=UNFITTED)
     say(f"written to {out}; open {PAGE} first")
 
 

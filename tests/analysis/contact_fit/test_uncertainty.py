@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,8 +52,9 @@ def curves(count):
     return np.column_stack([(0.3 + j) * np.cos((j + 1) * math.pi * TIMES / 0.8 + 0.4 * j) for j in range(count)])
 
 
-def drawn(by, weight, rng, *, independent=None):
-    """(DRAWS, P) errors of the estimate that minimises the fit's cost, where truth and noise are drawn as is assumed.
+def drawn(by, weight, rng, *, independent=None, held=None):
+    """(DRAWS, P) errors of the estimate that minimises the fit's cost, where truth and noise are drawn as is assumed;
+    `held` (n, H) are derivatives by what is drawn too and not estimated.
 
     The least squares of each draw are solved as they stand; nothing here knows a covariance of the estimate.
     """
@@ -60,6 +62,8 @@ def drawn(by, weight, rng, *, independent=None):
     truth = rng.normal(size=(count, DRAWS))
     noise = np.linalg.cholesky(NOISE.correlation(TIMES) + 1e-12 * np.eye(len(TIMES))) @ rng.normal(
         size=(len(TIMES), DRAWS))
+    if held is not None:
+        noise += held @ rng.normal(size=(held.shape[1], DRAWS))
     rows, right = [weight * by, np.eye(count)], [weight * (by @ truth + noise), np.zeros((count, DRAWS))]
     if independent is not None:
         rows.append(independent)
@@ -85,6 +89,20 @@ def test_covariance_is_that_of_drawn_truths_and_correlated_noise(bench, heavier)
     np.testing.assert_allclose(found.interval, np.outer(NORMAL_95 * found.standard_error, [-1.0, 1.0]))
     inside = np.abs(off) <= NORMAL_95 * found.share_of_prior
     np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=0.006)
+
+
+def test_what_the_fit_holds_is_as_wrong_as_its_prior_allows():
+    """Each of two parameters that the fit leaves where they are moves the estimates, beside the noise."""
+    by, weight, held = curves(4), NOISE.weight(0.01), np.column_stack([2.0 * TIMES, constant(0.5)])
+    off = drawn(by, weight, np.random.default_rng(2), held=held)
+    every = np.hstack([prior(4).by, np.zeros((4, 2))])
+    parameters = FitParameters([plain(name) for name in "abcd"])
+    found = known(parameters, series(np.hstack([by, held]), weight=weight), replace(prior(4), by=every))
+    np.testing.assert_allclose(found.share_of_prior, np.std(off, axis=0), rtol=0.03)
+    np.testing.assert_allclose(found.correlation, np.corrcoef(off.T), atol=0.03)
+    without = known(parameters, series(by, weight=weight), prior(4))
+    assert np.all(found.share_of_prior > without.share_of_prior)
+    np.testing.assert_allclose(found.singular_values, without.singular_values)
 
 
 def test_a_constant_is_told_as_by_the_mean_of_a_correlated_series():

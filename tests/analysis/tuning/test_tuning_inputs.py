@@ -46,6 +46,7 @@ def test_without_a_contact_offsets_go_to_the_trial_and_progress_runs_forward(mon
     monkeypatch.setattr(inputs, "fit_offsets", fit_offsets)
     given = load_tuning_trials([LOW, HIGH], progress=lambda what, share: shares.append(share))
     assert [trial.offsets.height_m for trial in given.trials] == [0.004, 0.004]
+    assert given.notes[0].startswith("UNFITTED") and "no prediction" in given.notes[0]
     assert given.notes[1:] == tuple(f"{label}: the fit of its offsets failed: too many evaluations."
                                     for label in ("low_2", "high_2"))
     assert shares == sorted(shares) and 0.0 < shares[0] and shares[-1] < 1.0

@@ -102,6 +102,11 @@ class FitParameters:
         return FitParameters(dataclasses.replace(item, **fields) if item.name in names else item  # type: ignore[arg-type]
                              for item in self.items)
 
+    def with_held(self) -> FitParameters:
+        """The free ones in their order, and then, free too, the frozen ones that have a prior."""
+        return FitParameters([*self.free, *(dataclasses.replace(item, frozen=not item.prior)
+                                            for item in self.items if item.frozen)])
+
     @property
     def start(self) -> np.ndarray:
         """(P,) u where the first search begins."""

@@ -148,6 +148,11 @@ class ContactFit:
         except (KeyError, TypeError, ValueError) as error:
             raise InputError("is no state of such a fit", where="resume") from error
 
+    def with_parameters(self, parameters: FitParameters) -> ContactFit:
+        """The same trials and bench with other parameters, or priors."""
+        return ContactFit(self.trials, bench=self.bench, parameters=parameters, options=self.options,
+                          walker=self.walker, labels=self.labels)
+
     def walk(
         self, trial: Trial, values: Mapping[str, float], *, step_s: float, fulcrum_m: float | None = None,
         perturbations: Sequence[MotionPerturbation] = (), with_respect_to: Sequence[str] = ()

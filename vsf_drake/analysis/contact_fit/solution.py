@@ -14,7 +14,7 @@ from vsf_drake.analysis.contact_fit.options import JOINT
 from vsf_drake.analysis.contact_fit.paper import PaperEnd, search_like_the_paper
 from vsf_drake.analysis.contact_fit.parameters import OFFSET_HEIGHT, FitParameters, TrialMap, owner
 from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, FitEvaluation
-from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty, run_searches, search, uncertainty
+from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty, run_searches, search, uncertainty_at
 from vsf_drake.contact_file import DEVICE, FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
@@ -220,8 +220,7 @@ def _widened(solution: ContactFitSolution, began: float) -> ContactFitSolution:
     values, wider = fit.parameters.values(end.u), fit.parameters
     for name in far:
         wider = wider.changed([name], scale=WIDER * wider.by_name[name].scale)
-    again = ContactFit(fit.trials, bench=fit.bench, parameters=wider, options=fit.options, walker=fit.walker,
-                       labels=fit.labels)
+    again = fit.with_parameters(wider)
     found = _finished(again, (search(again, wider.u(values), near=True),), began)
     told = Contradiction(sd_away=far, factor=WIDER, cost=end.evaluation.cost,
                          cost_widened=found.end.evaluation.cost if found.success and isinstance(found.end, JointEnd)
@@ -235,9 +234,8 @@ def _widened(solution: ContactFitSolution, began: float) -> ContactFitSolution:
 def _finished(fit: ContactFit, searches: tuple[FitSearch, ...], began: float) -> ContactFitSolution:
     """At the lowest converged search whose walks are sound; else a failed solution at the best."""
     def at(i: int, *, success: bool, message: str) -> ContactFitSolution:
-        u, terms = searches[i].u, fit.evaluate(searches[i].u)
-        end = JointEnd(u=u, evaluation=terms, searches=searches, best=i,
-                       uncertainty=uncertainty(fit.parameters, u, terms.terms, fit.joint.noise))
+        u = searches[i].u
+        end = JointEnd(u=u, evaluation=fit.evaluate(u), searches=searches, best=i, uncertainty=uncertainty_at(fit, u))
         return ContactFitSolution(fit=fit, success=success, message=message, end=end,
                                   wall_s=time.perf_counter() - began)
 

@@ -295,8 +295,11 @@ def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str
 #
 #     cov(u) = H^-1 (sum_terms J^T R J + prior) H^-1
 #
-# whatever weight the series got. Singular values of the data's part of J say how much more the data know than the prior
-# in each direction: below 1 they know less.
+# whatever weight the series got. Parameters c that the fit holds are known no better than their priors say: an error of
+# one standard deviation in them moves the estimate by -H^-1 J^T J_c, so that J^T J_c J_c^T J joins the sum in brackets
+# (consider parameters: Schmidt 1966, Adv. Control Syst. 3; Tapley, Schutz & Born 2004, Statistical Orbit Determination,
+# ch. 6). Freeing them all instead gives them what the model gets wrong. Singular values of the data's part of J say
+# how much more the data know than the prior in each direction: below 1 they know less.
 
 SURE_SHARE = 0.5
 """A parameter whose standard error is above this part of its prior's is not identified: what is said of it is mostly
@@ -333,16 +336,25 @@ class Uncertainty:
     together: tuple[Pair, ...]
 
 
+def uncertainty_at(fit: ContactFit, u: np.ndarray) -> Uncertainty:
+    """How well the fit tells its parameters at u (P,); what it holds is as uncertain as its prior."""
+    every = fit.with_parameters(fit.parameters.with_held())
+    terms = every.evaluate(every.parameters.u(fit.parameters.values(u))).terms
+    return uncertainty(fit.parameters, u, terms, fit.joint.noise)
+
+
 def uncertainty(
     parameters: FitParameters, u: np.ndarray, terms: Sequence[ResidualTerm], noise: FitNoise
 ) -> Uncertainty:
-    """At the solution u (P,) with the terms of its evaluation, derivatives included; directions that neither data nor
-    prior tell have infinite errors."""
+    """At the solution u (P,) with the terms of its evaluation, derivatives included: by the P, and by any number of
+    those that the fit holds. Directions that neither data nor prior tell have infinite errors."""
     count, names = len(parameters), parameters.names
     information, spread, data = np.zeros((count, count)), np.zeros((count, count)), [np.zeros((0, count))]
+    by_held = np.zeros((count, terms[0].by.shape[1] - count))
     for term in terms:
-        weighted = term.weight * term.by
+        weighted, held = np.split(term.weight * term.by, [count], axis=1)
         information += weighted.T @ weighted
+        by_held += weighted.T @ held
         if term.times_s is None:
             spread += weighted.T @ weighted
         else:
@@ -356,7 +368,7 @@ def uncertainty(
     untold = known <= _UNTOLD * known[-1]
     seen = directions[:, ~untold]
     inverse = seen @ np.diag(1.0 / known[~untold]) @ seen.T
-    covariance = inverse @ spread @ inverse
+    covariance = inverse @ (spread + by_held @ by_held.T) @ inverse
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     sd[(np.abs(directions[:, untold]) > _PART).any(axis=1)] = np.inf
 

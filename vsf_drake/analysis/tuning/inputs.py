@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vsf_drake.analysis.contact_fit.problem import labels_of
+from vsf_drake.analysis.metrics import unfitted_note
 from vsf_drake.analysis.offsets import fit_offsets
 from vsf_drake.analysis.tuning.common import Progress
 from vsf_drake.analysis.validation.study import SETTINGS, check_named_once, embedded_contact, embedded_trials
@@ -16,9 +17,6 @@ from vsf_drake.errors import InputError
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import Trial, load_trial
 
-NO_CONTACT = (
-    "No fitted contact was given: the foot's contact is the model file's, and only where the prosthesis sits was "
-    "fitted, to each trial's own plate.")
 _TYPICAL_EVALUATIONS = 25.0
 
 
@@ -75,7 +73,7 @@ def load_tuning_trials(
     if contact is not None:
         fitted = load_contact(contact)
         return TuningTrials(tuple(trial_with(trial, fitted, file=contact) for trial in trials), labels, ())
-    fitted_trials, notes = [], [NO_CONTACT]
+    fitted_trials, notes = [], [unfitted_note(trials[0], offsets_fitted=True)]
     for i, (trial, label) in enumerate(zip(trials, labels, strict=True)):
         def show(count: int, cost: float, label: str = label, i: int = i) -> None:
             if progress:

@@ -20,7 +20,6 @@ from vsf_drake.analysis.tuning.level1.solution import TuningSearch, TuningSoluti
 from vsf_drake.analysis.tuning.level1.sweep import SettingSweep, positions, sweep
 from vsf_drake.analysis.tuning.level1.uncertainty import drawn_sweeps, fulcrum_uncertainty
 from vsf_drake.errors import FitError, InputError, SimulationError
-from vsf_drake.motion.fitted_trial import APPLIED
 from vsf_drake.sentences import say
 
 ENERGY_EVERY = 5  # positions from one with energies to the next: they take long and vary smoothly (a choice)
@@ -249,8 +248,7 @@ def _notes(solution: TuningSolution) -> list[str]:
         held=solution.best.terms.get(CONSISTENCY), support_mm=1e3 * tuning.parts[0].support_width_m,
         believable=swept and swept.believable(tuning.options.consistency_bw)[1],
         most_change=None if swept is None else np.nanmax(swept.force_change), tracked=tuning.cost_name == TRACKING,
-        recorded=[float(part.own[0]) for part in tuning.parts], unfitted=[
-            part.label for part in tuning.parts if not any(note.startswith(APPLIED) for note in part.trial.notes)],
+        recorded=[float(part.own[0]) for part in tuning.parts],
         synthetic=sum(trial.synthetic for trial in tuning.trials), trials=len(tuning.trials))
 
 
