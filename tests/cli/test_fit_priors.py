@@ -26,7 +26,8 @@ def parameters():
 
 def test_the_longest_pattern_decides_and_angles_and_lengths_may_be_in_other_units(parameters):
     found = with_priors(parameters, {"curve.*": "2deg", "curve.knee.*": "0.1", "offset.height": "5mm",
-                                     "trial.low [1].curve.hip.0": "0.5deg", "friction.mu_static": "0.7", "keel.*": "0.2"}).by_name
+                                     "trial.low [1].curve.hip.0": "0.5deg", "friction.mu_static": "0.7",
+                                     "keel.*": "0.2"}).by_name
     assert found["curve.hip.0"].scale == pytest.approx(math.radians(2.0)) and found["curve.knee.0"].scale == 0.1
     assert found["offset.height"].scale == pytest.approx(5e-3) and found["friction.mu_static"].scale == 0.7
     assert found["trial.low [1].curve.hip.0"].scale == pytest.approx(math.radians(0.5)), "a name may look like a glob"
