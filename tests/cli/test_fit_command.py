@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import html
 import shutil
 from pathlib import Path
 
@@ -39,22 +40,26 @@ def test_a_quick_fit_leaves_its_files_and_says_what_stands_in_them(quick_fit):
     fitted = {row["fingerprint"] for row in table["layers"]["discrepancy"]["curves"]}
     assert fitted == {trial.fingerprint for trial in contact.trials} == set(contact.momentum.trials)
     assert len(contact.discrepancy.curves) == len(fitted) and len(table["layers"]["trials"]) == len(table["trials"])
-    assert "SYNTHETIC, not recorded: medium_1, the bench." in said and "Trials (SYNTHETIC)" in said
-    assert all(f"- {sentence}" in said for sentence in table["verdict"])
-    row = next(line for line in said.splitlines() if line.startswith("medium_1"))
+    page = html.unescape((quick_fit / "report.html").read_text(encoding="utf-8"))
     metrics = table["trials"][0]["metrics"]
-    assert all(f"{100 * metrics[key]:.1f}" in row.split() for key in ("grf_rmse_bw", "cop_rmse_fl", "cop_ml_rmse_fl"))
-    assert f"FL: length of the model's prosthetic foot, {1e3 * metrics['foot_length_m']:.0f} mm" in said
-    assert "offset.height" in said and "Smooth errors of joint angles" in said
-    assert "curve.hip_flexion_r.0 " not in said and "socket.flexion.stiffness" not in said
+    first, second, third, *_, last = [line for line in said.splitlines() if line]
+    assert first == "SYNTHETIC, not recorded: medium_1, the bench."
+    assert second == (f"1 fitted walk (SYNTHETIC): resultant force {100 * metrics['grf_rmse_bw']:.1f} % BW off; "
+                      "null model unknown.")
+    assert third.startswith(f"Centre of pressure: {100 * metrics['cop_rmse_fl']:.1f} % FL off fore-aft, "
+                            f"{100 * metrics['cop_ml_rmse_fl']:.1f} % laterally; bench (SYNTHETIC): stiffness")
+    assert "! No walk was held out" in said and last.startswith(f"written to {quick_fit / 'report.html'}")
+    assert second in page and all(text in page for text in table["verdict"])
+    assert f"model's prosthetic foot, {1e3 * metrics['foot_length_m']:.0f} mm" in " ".join(page.split())
+    assert "offset.height" in page and "Smooth errors of joint angles" in page
 
 
 def test_measured_curves_bring_stiffness_and_displacement_into_fit_page_and_screen(quick_fit):
-    table, said = read_json(quick_fit / "fit.json"), (quick_fit.parent / "said.txt").read_text(encoding="utf-8")
+    table = read_json(quick_fit / "fit.json")
     found = table["bench"]["mid_range"]
     apart = np.subtract(found["model_mm"], found["measured_mm"])
     assert found["rmse_mm"] == pytest.approx(np.sqrt(np.mean(apart**2))) and len(apart) == 5
-    assert "Mid-range displacement, mm" in said and any("displacement is" in text for text in table["verdict"])
+    assert any("displacement is" in text for text in table["verdict"])
     assert "Mid-range displacement" in (quick_fit / "report.html").read_text(encoding="utf-8")
     assert "bench: bench_curves.csv" in table["inputs_sha256"]
     assert {row["series"] for row in table["noise"]["ratios"]} >= {"bench", "mid-range displacement"}
@@ -201,7 +206,8 @@ def test_a_held_out_trial_judged_at_a_height_of_its_own_says_so(run, tmp_path, b
     table = read_json(tmp_path / "fit" / "fit.json")
     height = f"{1e3 * table['trials'][1]['own_height_m']:+.1f} mm"
     assert table["trials"][0]["own_height_m"] is None and table["options"]["own_height"]
-    assert f"held out, own height {height}" in said.replace("\u00a0", " ")
+    page = (tmp_path / "fit" / "report.html").read_text(encoding="utf-8")
+    assert f"held out, own height {height}" in page.replace("\u00a0", " ") and "these errors are no prediction" in said
     assert any("no prediction" in sentence and height in sentence for sentence in table["verdict"])
 
 
@@ -243,5 +249,5 @@ def test_two_trials_and_the_bench_predict_others(run, tmp_path):
     assert all(trial["sweep"]["right"] for trial in table["trials"])
     assert all(trial["metrics"]["null_model_grf_rmse_bw"] > 0.02 for trial in table["trials"])
     assert table["bench"]["rmse_n_per_mm"] <= 0.7 and len(table["left_out"]) == 4
-    assert "Bench (SYNTHETIC)" in said and "5 of 5" in " ".join(said.split())
+    assert "bench (SYNTHETIC)" in said and "fulcrum found where it stood in 5 of 5 walks" in said
     assert {"bench.png", "sweep.svg", "trial_5_high_3.png"} < set(table["files"])

@@ -67,7 +67,7 @@ def test_results_are_written_and_the_screen_says_what_was_found(run, tmp_path, m
     assert (code, err.strip()) == (0, "")
     said = " ".join(out.split())
     assert said.startswith("Data are SYNTHETIC, not recorded")
-    assert "the fulcrum at 104.2 mm has the least cost: 2 BW" in said and "open report.html first" in said
+    assert "the fulcrum at 104.2 mm has the least cost: 2 BW" in said and said.endswith("report.html")
     table = read_json(tmp_path / "out" / "tuning.json")
     assert (table["trials"], table["recorded_mm"]) == (["low_2", "high_2"], [66.0, 151.0])
     assert table["provenance"]["options"]["cost"] == "joint_load"
@@ -140,9 +140,10 @@ def test_each_level_gets_its_options_and_its_progress_is_shown(run, tmp_path, mo
         monkeypatch.setattr(level, f"{name}_arrays", lambda solution: {"tracked_p": POSITIONS})
     common = ("tune", LOW, "--contact", CONTACT, "--cost", "metabolic", "--quick", "--design", "alignment",
               "--fulcrum-range", "70", "140")
-    code, out, _ = run(*common, "--level", "2", "--intervals", "30", "--method", "trapezoidal", "--out",
-                       tmp_path / "free")
-    assert code == 0 and "whose gait is optimised together with the setting (level 2)" in out
+    words = ("--level", "2", "--intervals", "30", "--method", "trapezoidal", "--out", tmp_path / "free")
+    assert run(*common, *words)[0] == 0
+    page = (tmp_path / "free" / "report.html").read_text(encoding="utf-8")
+    assert "whose gait is optimised together with the setting (level 2)" in page
     options = seen["options"]
     assert (seen["trials"], seen["cost"], seen["labels"], seen["warm"]) == (1, "metabolic", ("low_2",), None)
     assert (options.intervals, options.method, options.design) == (30, "trapezoidal", ("alignment_rad",))
@@ -217,7 +218,7 @@ def test_one_setting_a_task_is_stored_and_the_screen_says_what_that_buys(run, tm
     assert (code, err.strip()) == (0, "")
     said = " ".join(out.split())
     assert "To store: 80.0 mm for low, 100.0 mm for medium, 120.0 mm for high." in said
-    assert "One setting for all (100.0 mm) costs" in said and "policy.json is for the controller" in said
+    assert "A setting for each task saves" in said and "policy.json beside it is for the controller" in said
     table = read_json(tmp_path / "out" / "policy.json")
     assert table["common_fulcrum_mm"] == pytest.approx(100.0)
     assert table["reach_mm"] == pytest.approx([66.0, 151.0]) and table["resolution_mm"] == 1.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -40,14 +40,14 @@ Trials = Annotated[list[Path], typer.Argument(parser=path, metavar="TRIAL.yaml..
 Seed = Annotated[int, typer.Option(help="Of all that is random.", min=0)]
 
 
-def say(line: str, style: str = "") -> None:
-    """A line as it is, broken nowhere."""
-    console.print(line, style=style or None, soft_wrap=True)
+def say(line: str) -> None:
+    """A line as it is, broken nowhere; one that begins with "! " stands out."""
+    console.print(line, style="bold yellow" if line.startswith("! ") else None, soft_wrap=True)
 
 
 def warn(line: str) -> None:
     """A line that stands out."""
-    say(f"! {line}", "bold yellow")
+    say(f"! {line}")
 
 
 def fail(line: str) -> None:
@@ -75,25 +75,20 @@ def print_text(template: str, /, **facts: Any) -> None:
         return [(line.startswith("! "), [cell.strip() for cell in line.removeprefix("! ").split("│")])
                 for line in text.split("\n") if line.strip()]
 
-    def table(*headings: str, caller: Callable[[], str], title: str = "", heading: bool = True, gap: int | None = None,
-              right: Collection[int] = (), colours: Mapping[str, str] | None = None) -> str:
-        plain: dict[str, Any] = {} if gap is None else {"box": None, "pad_edge": False, "padding": (0, gap, 0, 0)}
-        tables.append(Table(title=title or None, show_header=heading, **plain))
+    def table(*headings: str, caller: Callable[[], str], title: str = "", right: Collection[int] = ()) -> str:
+        tables.append(Table(title=title or None))
         for i, name in enumerate(headings):
             tables[-1].add_column(name, justify="right" if i in right else "left", overflow="ellipsis" if i else "fold")
         for stands_out, cells in rows_of(caller()):
-            tables[-1].add_row(*(Text(cell, (colours or {}).get(cell, "")) for cell in cells),
-                               style="bold yellow" if stands_out else None)
+            tables[-1].add_row(*map(Text, cells), style="bold yellow" if stands_out else None)
         return f"\f{len(tables) - 1}\n"
 
     def columns(caller: Callable[[], str], right: Collection[int] = (), gap: int = 1) -> str:
-        rows = rows_of(caller())
-        wide = [max(map(len, column)) for column in zip(*(cells for _, cells in rows), strict=True)]
-        lines = []
-        for stands_out, cells in rows:
-            padded = [cell.rjust(wide[i]) if i in right else cell.ljust(wide[i]) for i, cell in enumerate(cells)]
-            lines.append("\v" * stands_out + (gap * " ").join(padded).rstrip() + "\n")
-        return "".join(lines)
+        rows = [cells for _, cells in rows_of(caller())]
+        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        return "".join((gap * " ").join(
+            cell.rjust(wide[i]) if i in right else cell.ljust(wide[i]) for i, cell in enumerate(cells)).rstrip() + "\n"
+            for cells in rows)
 
     def one_cell(value: Any) -> Any:  # a name may hold anything, and ends neither cell nor line
         return value.rstrip("\n").replace("\n", " ").replace("│", "|") if isinstance(value, str) else value
@@ -104,7 +99,7 @@ def print_text(template: str, /, **facts: Any) -> None:
         if line.startswith("\f"):
             console.print(tables[int(line[1:])])
         else:
-            say(line.removeprefix("\v"), "bold yellow" if line.startswith(("! ", "\v")) else "")
+            say(line)
 
 
 def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:

@@ -40,7 +40,7 @@ def bench(
     cli.print_text("bench", **vars(write_bench(result, out)))
     if contact:
         say(f"the foot has the fitted contact of {contact}")
-    say(f"written to {out}")
+    say(f"written to {out / 'bench.png'}, bench.json")
 
 
 @app.command()
@@ -166,7 +166,7 @@ def stand(
                 "offsets and joint angles belongs to its recordings and is left out.")
         standing = dataclasses.replace(standing, notes=(note, *standing.notes))
     cli.print_text("standing", **vars(write_standing(standing, out)))
-    say(f"written to {out}")
+    say(f"written to {out / 'standing.png'}, standing.json")
 
 
 @app.command()
@@ -212,4 +212,4 @@ def simulate(
     cli.print_text("walk", **metrics, embedded=embedded, unfitted=UNFITTED,
                    alignment_deg=math.degrees(metrics["offsets"]["alignment_rad"]),
                    offsets_are="with those of the fitted contact" if contact else "not fitted")
-    say(f"written to {out}")
+    say(f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json")

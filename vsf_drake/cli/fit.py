@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from vsf_drake.cli.app import Out, app, interrupted, path, print_text, say, warn
+from vsf_drake.cli.app import Out, app, interrupted, path, say, warn
 from vsf_drake.errors import FitError, InputError
-
-if TYPE_CHECKING:
-    from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow
 
 JOINT, PAPER = "joint", "paper"
 
@@ -89,7 +84,8 @@ def fit(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.cli.fit_run import Checkpoint, make_task, run_task
     from vsf_drake.motion.trial import load_trial
-    from vsf_drake.report.fit_output import CHECKPOINT, FIT, synthetic_of
+    from vsf_drake.report.fit_output import CHECKPOINT, CONTACT, FIT, fit_result, synthetic_of
+    from vsf_drake.report.results_folder import PAGE
 
     FIT.check(out)
     checkpoint = Checkpoint(out / CHECKPOINT, resume=resume)
@@ -102,8 +98,6 @@ def fit(
     synthetic = synthetic_of(task.table())
     if synthetic:
         say(f"SYNTHETIC, not recorded: {', '.join(synthetic)}.")
-    if task.problem.bench is None:
-        say("No bench was given: the walks alone decide how stiff the foot is.")
     if checkpoint.note:
         warn(checkpoint.note)
     try:
@@ -115,39 +109,6 @@ def fit(
             warn(sentence)
         raise FitError(f"the fit failed: {table.message.removesuffix('.')}. See {out / 'report.html'}; "
                        "no contact.yaml was written")
-    print_fit(table)
-    say(f"written to {out}; read report.html first, contact.yaml is for --contact")
-
-
-def print_fit(table: FitTable) -> None:
-    """The table of a fit that succeeded, in short."""
-    from vsf_drake.report.fit_output import LAYER_HEADINGS, layer_rows, smooth_errors, synthetic_of
-
-    print_text("fit", fit=table, synthetic_data=synthetic_of(table), trial_rows=_trial_rows(table.trials),
-               parameter_rows=_parameter_rows(table), smooth=smooth_errors(table),
-               layer_rows=[row[:-4] for row in (LAYER_HEADINGS, *layer_rows(table.layers))] if table.layers else [])
-
-
-def _trial_rows(trials: Sequence[FitTrialRow]) -> list[Sequence[str]]:
-    """Headings over several lines, and trials; where the sweep is wrong, its best position says so."""
-    from vsf_drake.report.fit_output import HEADINGS, told_columns, trial_cells
-
-    headings = [heading.split("\n")[::-1] for heading in HEADINGS[:-1]]
-    columns = [i for i in told_columns(trials) if i < len(headings)]
-    rows: list[Sequence[str]] = [*reversed([*zip_longest(*(headings[i] for i in columns), fillvalue="")])]
-    for trial in trials:
-        *cells, right = trial_cells(trial)
-        cells[-1] += " NO" if right == "NO" else ""
-        rows.append([cells[i] for i in columns])
-    return rows
-
-
-def _parameter_rows(table: FitTable) -> list[tuple[str, ...]]:
-    from vsf_drake.report.fit_output import own_parameters, shown_interval, shown_unit, shown_value
-    from vsf_drake.report.page import number
-
-    rows = [("parameter", "value", "95 % interval", "unit", "share of prior"), *(
-        (row.name, shown_value(row, row.value), shown_interval(row), shown_unit(row),
-         number(row.share_of_prior, "{:.0f} %", 100.0) + (" AT A BOUND" if row.at_bound else ""))
-        for row in own_parameters(table))]
-    return [row if table.strategy == JOINT else (row[0], row[1], row[3]) for row in rows]  # it knows no errors
+    for line in fit_result(table):
+        say(line)
+    say(f"written to {out / PAGE}; {CONTACT} beside it is for --contact")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsf_drake.analysis.recording import EXPECTED, motion_checks
+from vsf_drake.analysis.recording import motion_checks
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, OptionalOut, Out, Trials, app, path, progress, read_trials
 from vsf_drake.errors import InputError, require
@@ -127,8 +127,8 @@ def check(trials: Trials, out: Out, contact: Contact = None) -> None:
 def _finish(kind: str, items: Sequence[Examined], failures: Mapping[str, str], out: Path, more: Sequence[str] = ()
             ) -> None:
     """Says how good each trial is and which files could not be used; exit code 2 if there are any of these."""
-    cli.print_text("recordings", items=items, expected=EXPECTED, to_do=motion_checks.TO_DO, more=more)
-    cli.say(f"written to {out}; read {kind}.html first")
+    cli.print_text("recordings", items=items, to_do=motion_checks.TO_DO, more=more)
+    cli.say(f"written to {out / kind}.html")
     for file, why in failures.items():
         cli.fail(why if file in why else f"{file}: {why}")
     if failures:

@@ -127,7 +127,7 @@ def sweep(
         interrupted(f"; the finished walks are in {out / 'cache'}: the same command goes on from them")
     print_text("sweep", **vars(table))
     write_sweep_figure(table, rows, out)
-    say(f"written to {out}")
+    say(f"written to {out / 'sweep.csv'}")
     if table.failed == table.walks:
         sys.exit(SimulationError.exit_code)
 

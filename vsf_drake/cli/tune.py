@@ -106,8 +106,8 @@ def tune(
         show("writing the report", 0.99)
         write_tuning(out, table, arrays)
     _check_ended(table, table.status.removesuffix("."), out / PAGE, stopped=_was_interrupted(table))
-    print_text("tuning", t=table, first_line=first_line(table), answer=answer(table), unfitted=UNFITTED)
-    say(f"written to {out}; open {PAGE} first")
+    print_text("tuning", t=table, data=first_line(table)[0], answer=answer(table), unfitted=UNFITTED)
+    say(f"written to {out / PAGE}")
 
 
 @app.command()
@@ -155,10 +155,10 @@ def schedule(
     bad = "; ".join(f"{row.label}: {row.status}" for row in policy.tasks if not row.optimal)
     _check_ended(policy, bad, out / PAGE, stopped=stopped)
     for sentence in schedule_words(policy):
-        say(f"- {sentence}")
+        say(sentence)
     for note in policy.notes:
         warn(note)
-    say(f"written to {out}; {SCHEDULE.table} is for the controller, open {PAGE} first")
+    say(f"written to {out / PAGE}; {SCHEDULE.table} beside it is for the controller")
 
 
 def _check_ended(result: TuningTable | Schedule, why: str, page: Path, *, stopped: bool) -> None:

@@ -38,10 +38,9 @@ LONGEST = 60
 MOST_ROWS = 45
 """Smooth errors, of more of which the largest are shown."""
 _FITTED, _GOOD, _BAD = "fitted", "#1f6f8b", "#b3261e"
-_PUBLISHED = "0.9"
 _PRIOR = ((2.0, "0.95"), (1.0, "0.87"))
 _WIDEST = 4.5
-_ACROSS = 3
+_INCHES = 6.4  # wide, so that letters can be read on a telephone
 
 
 def fit_figures(table: FitTable) -> dict[str, Figure]:
@@ -95,7 +94,7 @@ def fit_bench_figure(bench: BenchRow) -> Figure:
     rows = [(name, unit, quantity) for name, unit, quantity in (
         ("stiffness", "N/mm", bench.stiffness), ("mid-range displacement", "mm", bench.mid_range)) if quantity]
     synthetic = " (SYNTHETIC)" if bench.synthetic else ""
-    with drawing(7.6, 4.0 * len(rows)) as figure:
+    with drawing(_INCHES, 3.4 * len(rows)) as figure:
         for axes, (name, unit, quantity) in zip(figure.subplots(len(rows), squeeze=False)[:, 0], rows, strict=True):
             _bench(axes, bench.fulcrum_mm, quantity, unit)
             label(axes, x="fulcrum from the keel's posterior end (mm)", y=f"{name} ({unit})",
@@ -126,19 +125,15 @@ def _bench(axes: Axes, x: Sequence[float], quantity: Beside, unit: str) -> None:
 
 
 def fit_error_figure(table: FitTable) -> Figure:
-    """The resultant's error by trial beside the null model, the floor and what the paper was left with: one row a trial
-    that was judged."""
+    """The resultant's error by trial beside the null model and the floor: one row a trial that was judged."""
     rows = [(trial, trial.score) for trial in table.trials if trial.score is not None]
     beside: list[tuple[str, list[float | None], dict[str, Any]]] = [
         ("null model: another trial's curve", [score.metrics.null_model_grf_rmse_bw for _, score in rows],
          {"marker": "D", "color": NEUTRAL, "markersize": 5.5, "markerfacecolor": "white"}),
         ("floor: the true foot on this motion", [score.floor_grf_rmse_bw for _, score in rows],
          {"marker": "|", "color": "black", "markersize": 12, "markeredgewidth": 1.8})]
-    with drawing(8.0, max(2.6, 1.7 + 0.27 * len(rows))) as figure:
+    with drawing(_INCHES, max(2.4, 1.5 + 0.27 * len(rows))) as figure:
         axes = figure.subplots()
-        axes.axvline(100.0 * table.published.fitted_grf_rmse_bw, color=NEUTRAL, linewidth=1.0, linestyle=":", zorder=0)
-        low, high = table.published.other_grf_rmse_bw
-        axes.axvspan(100.0 * low, 100.0 * high, color=_PUBLISHED, linewidth=0.0, zorder=0)
         for _, values, look in beside:
             for y, value in enumerate(values):
                 if value is not None:
@@ -153,15 +148,15 @@ def fit_error_figure(table: FitTable) -> Figure:
         axes.margins(x=0.08)
         axes.set_yticks(range(len(rows)), [f"{t.label}, {t.role}, {t.fulcrum_mm:g} mm" for t, _ in rows])
         axes.set_ylim(len(rows) - 0.4, -0.6)
-        label(axes, x="RMS error (% body weight)", y="trial (one row each)", title="Resultant force")
+        beaten = any(null is not None for null in beside[0][1])
+        label(axes, x="RMS error (% body weight)", y="trial (one row each)", title=(
+            "Resultant force" + ": left of its diamond\nnearer to the plate than the null model" * beaten))
         handles: list[Artist] = [_dot("fitted trial", color=NEUTRAL, markersize=7)]
         if any(trial.role != _FITTED for trial, _ in rows):
             handles.append(_dot("held-out trial", color=NEUTRAL, markersize=7, markerfacecolor="white",
                                 markeredgewidth=1.8))
         handles += [_dot(name, **look) for name, values, look in beside if any(v is not None for v in values)]
-        handles += [Line2D([], [], color=NEUTRAL, linestyle=":", linewidth=1.0, label="paper, fitted trial"),
-                    Patch(facecolor=_PUBLISHED, label="paper, other trials")]
-        _finish(figure, handles, 3, synthetic=any(trial.synthetic for trial, _ in rows))
+        _finish(figure, handles, 2, synthetic=any(trial.synthetic for trial, _ in rows))
     return figure
 
 
@@ -175,15 +170,17 @@ def fit_parameter_figure(parameters: Sequence[ParameterRow], unidentified: Colle
     columns = [(rows, title) for rows, title in (
         ([pair for pair in free if pair not in smooth], "Contact, geometry and the rest"),
         (sorted(largest, key=lambda pair: pair[0].name), f"Smooth errors of the motion{of}")) if rows]
-    with drawing(5.6 * len(columns), max(3.2, 1.5 + 0.19 * max(len(rows) for rows, _ in columns))) as figure:
-        for axes, (rows, title) in zip(figure.subplots(1, len(columns), squeeze=False)[0], columns, strict=True):
+    counts = [3 + len(rows) for rows, _ in columns]
+    with drawing(_INCHES, max(3.2, 2.3 + 0.19 * sum(counts))) as figure:
+        panels = figure.subplots(len(columns), squeeze=False, height_ratios=counts)[:, 0]
+        for axes, (rows, title) in zip(panels, columns, strict=True):
             _parameters(axes, rows, unidentified)
             label(axes, x="from the prior's mean (its standard deviations)", y="parameter (one row each)", title=title)
         handles: list[Artist] = [
-            Patch(facecolor=_PRIOR[1][1], label="prior, ± 1 standard deviation (lighter: ± 2)"),
+            Patch(facecolor=_PRIOR[1][1], label="prior, ± 1 SD (lighter: ± 2)"),
             Line2D([], [], color=_GOOD, marker="o", label="fitted value and 95 % interval"),
             Line2D([], [], color=NEUTRAL, marker="o", markerfacecolor="white",
-                   label="not identified: mostly what was believed before")]
+                   label="not identified: mostly prior")]
         if any(row.at_bound for row, _ in free):
             handles.append(Line2D([], [], color=_BAD, marker="s", label="at a bound"))
         _finish(figure, handles, 2)
@@ -213,7 +210,7 @@ def _parameters(axes: Axes, rows: Sequence[tuple[ParameterRow, float]], unidenti
 def paper_search_figure(state: PaperState) -> Figure:
     """The paper's error over its iterations."""
     objectives = (state.initial_objective_n2, *(objective for _, objective, _ in state.history))
-    with drawing(7.6, 3.4) as figure:
+    with drawing(_INCHES, 3.2) as figure:
         axes = figure.subplots()
         axes.plot([0, *(number for number, *_ in state.history)], [*map(state.rms_n, objectives)], color=_GOOD,
                   marker="o", markersize=4.0, linewidth=1.4)
@@ -235,8 +232,9 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
     forces = (("Resultant", "", [np.linalg.norm(force, axis=1) for force in both], metrics.grf_rmse_bw),
               ("Fore-aft", "forward ", [force[:, 0] for force in both], metrics.fore_aft_rmse_bw))
     looks: list[dict[str, Any]] = [{"color": colour, **MEASURED}, {"color": colour, **SIMULATED}]
-    with drawing(11.0, 3.1) as figure:
-        panels = figure.subplots(1, 3)
+    with drawing(_INCHES, 5.2) as figure:
+        grid = figure.add_gridspec(2, 2)
+        panels = [figure.add_subplot(place) for place in (grid[0, :], grid[1, 0], grid[1, 1])]
         windows = metrics.scored_window_s or ((curves.time_s[0], curves.time_s[-1]),)
         for axes, (name, forward, pair, error) in zip(panels, forces, strict=False):
             axes.axhline(0.0, color="0.7", linewidth=0.8)
@@ -253,9 +251,9 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
                       color=NEUTRAL)
         axes.set_xlim(0.0, 100.0)
         label(axes, x="stance (%)", y="ahead of its rearmost (% FL)",
-              title=f"CoP{off(metrics.cop_rmse_fl, 'FL')}; lateral{off(metrics.cop_ml_rmse_fl, 'FL')}")
+              title=f"Centre of pressure{off(metrics.cop_rmse_fl, 'FL')}")
         names = ("reference (synthetic)" if trial.synthetic else "force plate",
-                 "fitted model (off: root mean square; FL: length of the model's foot)")
+                 "fitted model (off: root mean square)")
         _finish(figure, [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)], 2)
         kind = ", SYNTHETIC" if trial.synthetic else ""
         figure.suptitle(f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} mm{kind}", x=0.01, ha="left",
@@ -277,11 +275,9 @@ class TrialSweep:
 def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
     """The error of every trial over the fulcrum's position, one panel a true position."""
     settings = sorted({trial.fulcrum_mm for trial in trials})
-    across = min(_ACROSS, len(settings))
-    down = -(-len(settings) // across)
-    with drawing(11.0 if across > 1 else 6.5, 0.5 + 3.3 * down) as figure:
-        panels = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False).ravel()
-        for axes, setting in zip(panels, settings, strict=False):
+    with drawing(_INCHES, 0.9 + 2.3 * len(settings)) as figure:
+        panels = figure.subplots(len(settings), sharex=True, sharey=True, squeeze=False)[:, 0]
+        for axes, setting in zip(panels, settings, strict=True):
             axes.axvline(setting, color=NEUTRAL, linewidth=6.0, alpha=0.35, zorder=0)
             for i, trial in enumerate(trial for trial in trials if trial.fulcrum_mm == setting):
                 _sweep(axes, trial, colour_of(setting), MARKERS[i % len(MARKERS)])
@@ -292,8 +288,6 @@ def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
         panels[0].yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
         panels[0].yaxis.set_minor_formatter(NullFormatter())
         panels[0].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        for axes in panels[len(settings):]:
-            axes.set_axis_off()
         handles: list[Artist] = [
             Line2D([], [], color=NEUTRAL, linewidth=6.0, alpha=0.35, label="where it stood"),
             _dot("least error", "*", color="white", markersize=12, markeredgecolor="black", markeredgewidth=1.3),
@@ -302,7 +296,7 @@ def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
               for role in dict.fromkeys(trial.role for trial in trials))]
         if any(None in trial.sweep.grf_rmse_bw for trial in trials):
             handles.append(_dot("the walk failed", "x", color="black"))
-        _finish(figure, handles, len(handles), synthetic=any(trial.synthetic for trial in trials))
+        _finish(figure, handles, 2, synthetic=any(trial.synthetic for trial in trials))
     return figure
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from vsf_drake.analysis.contact_fit.assessment import FITTED, HELD_OUT, Beside, TrialScore
+from vsf_drake.analysis.contact_fit.assessment import FITTED, HELD_OUT, NOISE_TOO_SMALL, Beside, TrialScore
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
 from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, ParameterRow, fit_arrays, fit_json
-from vsf_drake.analysis.prediction import LAYERS, LayerTable
+from vsf_drake.analysis.prediction import LAYERS, PHYSICS, LayerTable
 from vsf_drake.contact_file import FittedContact, save_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
@@ -19,6 +19,7 @@ from vsf_drake.report.fit_figures import fit_figures, is_smooth, trial_name
 from vsf_drake.report.page import UNKNOWN, number, render, said
 from vsf_drake.report.results_folder import PAGE, ResultsFolder
 from vsf_drake.report.style import save_figure
+from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import remove_result
 
 CONTACT, CHECKPOINT = "contact.yaml", "checkpoint.json"
@@ -86,6 +87,22 @@ def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = Non
 # The page, and numbers of the table as text: in the units that people use.
 
 
+def fit_result(table: FitTable) -> list[str]:
+    """What a fit that succeeded is worth, in few lines for screen and page; one that begins with "! " is a warning."""
+    every = [trial.score for trial in table.trials if trial.score is not None]
+    held_out = [score for score in every if score.role == HELD_OUT]
+    beside = [(score.label, error, null) for score in held_out if (error := score.metrics.grf_rmse_bw) is not None
+              and (null := score.metrics.null_model_grf_rmse_bw) is not None]
+    layer = (table.layers and table.layers.earned) or PHYSICS
+    return say(
+        "fit_result", t=table, scores=held_out or every, held_out=bool(held_out),
+        nulls=len(beside), beaten=[label for label, error, null in beside if error >= null],
+        one_setting=_one_setting(table),
+        swept=[score for score in every if score.sweep is not None],
+        disturbed=[row for row in table.angle_errors if row.role == HELD_OUT and row.sd_deg and row.layer == layer],
+        large=[f"{row.trial} {row.series}" for row in table.noise_ratios if row.ratio > NOISE_TOO_SMALL])
+
+
 def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
     """The page as HTML; figures as `fit_figures` makes them of the same table."""
     bench, joint = table.bench, table.strategy == "joint"
@@ -94,6 +111,8 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
     kind = "contact fit" if joint else "contact fit by the paper's procedure"
     title = f"{kind}, {table.subject.name}{' (SYNTHETIC)' if table.synthetic else ''}"
     own = own_parameters(table)
+    curves = {trial_name(i, trial): trial.role for i, trial in enumerate(table.trials)
+              if trial_name(i, trial) in figures}
     return str(render(
         "fit.html.j2", fit=table, figures=figures, synthetic=synthetic_of(table),
         title=title[0].upper() + title[1:] if table.success else f"FAILED: {title}", judged=bool(scores),
@@ -107,7 +126,9 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
         null_known=any(score.metrics.null_model_grf_rmse_bw is not None for score in scores),
         floor_known=any(score.floor_grf_rmse_bw is not None for score in scores),
         sweep_known=any(score.sweep is not None for score in scores),
-        curves=[name for i, trial in enumerate(table.trials) if (name := trial_name(i, trial)) in figures],
+        result=fit_result(table) if table.success and scores else [], one_setting=_one_setting(table),
+        held_out=any(trial.role == HELD_OUT for trial in table.trials), curves=list(curves),
+        shown_curve=next((name for name, role in curves.items() if role == HELD_OUT), next(iter(curves), None)),
         bench_rows=[] if bench is None else _bench_rows(bench.fulcrum_mm, bench.stiffness),
         mid_range_rows=[] if bench is None else _bench_rows(bench.fulcrum_mm, bench.mid_range),
         own_rows=[_parameter(row, table) if joint else
@@ -127,6 +148,10 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
         option_rows=[*((name, said(dict(sorted(value.items())) if isinstance(value, Mapping) else value))
                        for name, value in sorted(table.options.items())),
                      ("wall time (s)", number(table.wall_s, "{:.1f}"))]))
+
+
+def _one_setting(table: FitTable) -> bool:
+    return len({trial.fulcrum_mm for trial in table.trials if trial.role == FITTED}) == 1
 
 
 def _bench_rows(fulcrum_mm: Sequence[float], quantity: Beside | None) -> list[tuple[str, ...]]:

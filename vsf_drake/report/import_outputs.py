@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from vsf_drake.analysis.import_walks import ImportedWalks
-from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, worst
+from vsf_drake.analysis.recording import EXPECTED, GOOD_BW, MARKS, costs, motion_checks, worst
 from vsf_drake.analysis.recording.examine import Examined, person_table, trial_table
 from vsf_drake.analysis.recording.foot import flat_phase
 from vsf_drake.files import write_text
@@ -89,8 +89,12 @@ def import_page(items: Sequence[Examined], *, title: str, person: Examined | Non
            for item in items]
     figures = [[make(item) for make in (angle_figure, force_figure, floor_figure)] for item in items]
     return render("import.html.j2", title=f"{title} (SYNTHETIC)" if synthetic else title, synthetic=synthetic,
-                  trials=items, bad=bad, figures=figures, failures=failures or {}, marks=MARKS, colours=MARK_COLOURS,
-                  expected=EXPECTED, degrees=math.degrees(1.0), person=person and person.trial,
+                  trials=items, bad=bad, figures=figures,
+                  worst=max(range(len(items)), key=lambda i: items[i].expected_error_bw), failures=failures or {},
+                  to_do=dict.fromkeys(check.sentence for item in items for check in item.checks
+                                      if check.name in motion_checks.TO_DO and check.mark != "good"),
+                  marks=MARKS, colours=MARK_COLOURS, expected=EXPECTED, degrees=math.degrees(1.0),
+                  person=person and person.trial,
                   subject_numbers=to_plain(person.trial.subject) if person else {}, translations=PELVIS_TRANSLATIONS)
 
 
@@ -107,14 +111,15 @@ _ANGLES = (("pelvis_tilt", "Pelvic tilt (front up +)"), ("pelvis_list", "Pelvic 
 _SWING_SHARE = 1.6
 _USUAL_STANCE_S = 0.7
 _TIME = "time (s)"
+_INCHES = 6.4  # wide, so that letters can be read on a telephone
 
 
 def angle_figure(item: Examined) -> Figure:
     """Joint angles of both sides over each stance and the swing after it; dotted: at standing."""
     motion = item.trial.tracked or item.trial.trajectory  # markers know both ankles
     standing = item.trial.calibration.angles_rad if item.trial.calibration else {}
-    with drawing(11.0, 5.4) as figure:
-        for axes, (stem, title) in zip(figure.subplots(2, 4).ravel(), _ANGLES, strict=True):
+    with drawing(_INCHES, 8.6) as figure:
+        for axes, (stem, title) in zip(figure.subplots(4, 2).ravel(), _ANGLES, strict=True):
             for side in SIDES:
                 name = stem if stem.startswith("pelvis") else f"{stem}_{side[0]}"
                 if name not in motion.names:
@@ -141,9 +146,9 @@ def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
 def force_figure(item: Examined) -> Figure:
     """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's window."""
     trial = item.trial
-    with drawing(11.0, 3.2) as figure:
+    with drawing(_INCHES, 6.0) as figure:
         titles = ("Vertical", "Fore-aft (forward +)", "Medio-lateral (left +)")
-        for axes, column, title in zip(figure.subplots(1, 3), (2, 0, 1), titles, strict=True):
+        for axes, column, title in zip(figure.subplots(3, sharex=True), (2, 0, 1), titles, strict=True):
             for side, plate in trial.plates.items():
                 thin = slice(None, None, max(1, len(plate.time_s) // MOST_POINTS))
                 axes.plot(plate.time_s[thin], plate.force_W[thin, column] / (trial.subject.mass_kg * GRAVITY),
@@ -155,7 +160,7 @@ def force_figure(item: Examined) -> Figure:
 
 def floor_figure(item: Examined) -> Figure:
     """The floor from above: centres of pressure, each foot from heel to toe as it stands flat, corners of plates."""
-    with drawing(11.0, 3.4) as figure:
+    with drawing(_INCHES, 3.4) as figure:
         axes = figure.subplots()
         for plate in item.trial.recording.plates if item.trial.recording else ():
             if plate.corners_m is not None:
@@ -174,7 +179,7 @@ def floor_figure(item: Examined) -> Figure:
                 axes.plot(cop[:, 0], cop[:, 1], ".", color=COLOURS[side], markersize=2.5)
         axes.set_aspect("equal", adjustable="datalim")
         label(axes, x="forward (m)", y="left (m)",
-              title="Floor: centre of pressure (dots), feet (thick), plates (grey)")
+              title="Floor: centre of pressure (dots), feet, plates (grey)")
         return _with_legend(figure, item)
 
 
@@ -184,5 +189,5 @@ def _with_legend(figure: Figure, item: Examined, more: str = "") -> Figure:
                for side in SIDES]
     handles += [Line2D([], [], color="none", label=text)
                 for text in (more, "SYNTHETIC, not recorded" if item.trial.synthetic else "") if text]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
     return figure

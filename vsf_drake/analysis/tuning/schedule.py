@@ -147,6 +147,7 @@ class TaskSetting(Described):
     sweep: CostCurve = CostCurve()
     rest: float | None = None  # the cost at its own setting, without terms that only hold to the recording
     rest_common: float | None = None  # and at the one for all
+    held_from_mm: float | None = None  # where that cost is least, if those terms make the task's optimum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,7 +250,8 @@ def make_schedule(
             cost_exact=table.cost, cost_common=cost(curve, common), interval_mm=table.fulcrum_interval_mm,
             matters=_matters(table, common), optimal=table.optimal, status=table.status, trials=table.trials,
             recorded_mm=table.recorded_mm, sweep=CostCurve(tuple(x.tolist()), tuple(y.tolist())),
-            rest=table.rest_at(stored), rest_common=table.rest_at(common)))
+            rest=table.rest_at(stored), rest_common=table.rest_at(common),
+            held_from_mm=(table.held_from or (None,))[0]))
     first = tuned[0][1]
     return Schedule(
         optimal=all(row.optimal for row in rows), common_fulcrum_mm=common, reach_mm=reach_mm,

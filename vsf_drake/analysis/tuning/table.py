@@ -220,6 +220,22 @@ class TuningTable:
         return whole - sum(float(np.interp(fulcrum_mm, *self.swept("terms", term.name))) for term in holding)
 
 
+    def least_rest(self) -> tuple[float, float] | None:
+        """Where in the sweep (mm) the cost without `holding` is least, and that cost; None without such terms."""
+        return min(((mm, rest) for mm in self.swept()[0].tolist() if (rest := self.rest_at(mm)) is not None),
+                   key=lambda pair: pair[1], default=None)
+
+    @property
+    def held_from(self) -> tuple[float, float] | None:
+        """`least_rest` if it is farther from the optimum than its interval and the sweep's spacing: if the terms of
+        HOLDING, not the rest of the cost, make the optimum."""
+        least, x = self.least_rest(), self.swept()[0]
+        if least is None or self.fulcrum_mm is None or not self.optimal:
+            return None
+        (low, high), step = self.fulcrum_interval_mm or (self.fulcrum_mm,) * 2, float(np.diff(x).max(initial=0.0))
+        return None if low - step <= least[0] <= high + step else least
+
+
 PARTS: dict[str, tuple[()] | None] = {
     **dict.fromkeys(("design", "terms", "sweep", "outcomes", "confirmed_by", "starts", "checks", "tasks", "pareto",
                      "robustness"), ()), "solver": None, "provenance": None}

@@ -36,7 +36,7 @@ def words(part: str, **facts: Any) -> list[str]:
 def tuning_page(saved: Mapping[str, Any], arrays: Arrays, *, lenient: bool, folder: Path | None = None) -> Facts:
     """What `page.chapter_page` is to be given of tuning.json and tuning.npz: chapters that there is anything of."""
     made = (  # name, title, the part that it tells of ("" for none), what else it needs
-        ("answer", "Answer", _answer, "", ("sweep", "terms", "outcomes", "design")),
+        ("answer", "", _answer, "", ("sweep", "terms", "outcomes", "design")),
         ("outcomes", "What changes with the setting", _outcomes, "outcomes", ("sweep",)),
         ("motion", "Motion and forces", _motion, "", ("sweep",)),
         ("tasks", "One setting for each task, or one for all", _tasks, "tasks", ("sweep", "terms")),
@@ -52,7 +52,7 @@ def tuning_page(saved: Mapping[str, Any], arrays: Arrays, *, lenient: bool, fold
 
     head = tuning_of(saved, ())
     return {
-        "title": words("title", what="Stiffness tuned", t=head)[0], "first_line": first_line(head),
+        "title": words("title", what="Stiffness tuned", t=head)[0], "first_line": " ".join(first_line(head)),
         "alarm": "" if head.optimal else words("alarm", t=head)[0], "synthetic": head.synthetic,
         "chapters": [made_chapter(name, title, partial(shown, name, title, make, (part, *parts)), lenient)
                      for name, title, make, part, parts in made if not part or saved[part]]}
@@ -68,11 +68,10 @@ def schedule_page(saved: Mapping[str, Any], arrays: Arrays, *, lenient: bool, fo
     trials = ", ".join(trial for row in schedule.tasks for trial in row.trials)
     return {
         "title": words("title", what="Settings by task", t=schedule)[0],
-        "first_line": words("first_line", t=schedule, trials=trials)[0],
+        "first_line": " ".join(words("first_line", t=schedule, trials=trials)),
         "alarm": "" if schedule.optimal else words("schedule_alarm", t=schedule)[0], "synthetic": schedule.synthetic,
         "chapters": [made_chapter(name, title, partial(shown, name, title, make), lenient) for name, title, make in (
-            ("policy", "What the device would store", _policy), ("buys", "What adaptability buys", _buys),
-            ("made", "How this was made", _made))]}
+            ("policy", "", _policy), ("made", "How this was made", _made))]}
 
 
 def _chapter(name: str, title: str, record: TuningTable | Schedule, facts: Facts) -> Chapter:
@@ -80,9 +79,9 @@ def _chapter(name: str, title: str, record: TuningTable | Schedule, facts: Facts
                    facts={"t": record, **facts})
 
 
-def first_line(table: TuningTable) -> str:
+def first_line(table: TuningTable) -> list[str]:
     """Whose data these are, and what the model is."""
-    return words("first_line", t=table, trials=listed(table.trials))[0]
+    return words("first_line", t=table, trials=listed(table.trials))
 
 
 def answer(table: TuningTable) -> list[str]:
@@ -95,12 +94,17 @@ def answer(table: TuningTable) -> list[str]:
     matters = None if row is None else row.matters
     nothing = row is None and bool(others) and not more and not open_
     places = reading.compared(table, table.cost_at, table.cost)
-    own = table.cost - sum(term.value or 0.0 for term in holding)
+    own, held = table.cost - sum(term.value or 0.0 for term in holding), table.held_from
+    least = None
+    if held is not None:
+        ends = {x[0]: "the softest setting", x[-1]: "the stiffest"}
+        least = {"mm": held[0], "end": ends.get(held[0], ""), "more": own - held[1],
+                 "percent": 100.0 * (own - held[1]) / held[1] if held[1] > 0.0 else None}
     return words(
         "answer", t=table, span=(x[0], x[-1]) if len(x) else None, row=row, places=places, holding=holding,
         size=float(costs.max() - costs.min()) if len(costs) else None,
         hardly="outcomes" if nothing else "cost" if matters is False and len(costs) else "",
-        rest=reading.compared(table, table.rest_at, own) if places and holding else [],
+        rest=reading.compared(table, table.rest_at, own) if places and holding else [], least_rest=least,
         all_more=len(more) > max(1, len(others) - 1), more=more, no_more=no_more,
         unknown=matters is None and not more and not no_more)
 
@@ -108,9 +112,12 @@ def answer(table: TuningTable) -> list[str]:
 def _answer(table: TuningTable, arrays: Arrays) -> Facts:
     x, y = table.swept()
     if len(x) < 2:
-        return {"sentences": answer(table), "curve": None}
+        return {"sentences": answer(table), "curve": None, "drawn": {}}
     low, high = int(np.argmin(y)), int(np.argmax(y))
-    return {"sentences": answer(table), "figures": {"cost": figures.cost_curve_figure(table, arrays)},
+    drawn = {"cost": figures.cost_curve_figure(table, arrays)}
+    if len(table.terms) > 1:
+        drawn["terms"] = figures.terms_figure(table)
+    return {"sentences": answer(table), "figures": drawn, "drawn": list(drawn),
             "curve": {"span": (x[0], x[-1]), "least": y[low], "least_mm": x[low], "most": y[high], "most_mm": x[high]}}
 
 
@@ -218,9 +225,15 @@ def schedule_words(schedule: Schedule) -> list[str]:
 def _policy(schedule: Schedule) -> Facts:
     known = [row for row in schedule.tasks if row.exact_mm is not None]
     over = reading.telling(schedule) if len(known) > 1 else None
-    return {"sentences": schedule_words(schedule), "known": known, "over": over, "lookup": LOOKUP,
-            "unit": reading.excess_unit(schedule),
-            "figures": {} if over is None else {"policy": figures.policy_figure(schedule, over)},
+    curves, done = reading.curved(schedule), [row for row in schedule.tasks if row.fulcrum_mm is not None]
+    shown = {} if over is None else {"policy": figures.policy_figure(schedule, over)}
+    if curves:
+        shown["curves"] = figures.schedule_curves_figure(schedule)
+    if done:
+        shown["tasks"] = figures.tasks_figure(dataclasses.replace(schedule, tasks=tuple(done)))
+    return {"sentences": schedule_words(schedule), "known": known, "over": over, "lookup": LOOKUP, "curves": curves,
+            "done": done, "intervals": True, "buys": tasks_words(schedule) if done else "",
+            "unit": reading.excess_unit(schedule), "figures": shown,
             "rows": [{**row, "excess": reading.excess(task), "told": _MATTERS[task.matters],
                       "of": ", ".join(task.trials)}
                      for task, row in zip(schedule.tasks, _with_intervals(schedule, "low_mm", "high_mm"), strict=True)]}
@@ -229,16 +242,6 @@ def _policy(schedule: Schedule) -> Facts:
 def _with_intervals(schedule: Schedule, *ends: str) -> Iterator[Facts]:
     """The tasks with the ends of their intervals under these names."""
     return (vars(row) | dict(zip(ends, row.interval_mm or (None, None), strict=True)) for row in schedule.tasks)
-
-
-def _buys(schedule: Schedule) -> Facts:
-    curves, done = reading.curved(schedule), [row for row in schedule.tasks if row.fulcrum_mm is not None]
-    finished = dataclasses.replace(schedule, tasks=tuple(done))
-    shown = {"curves": figures.schedule_curves_figure(schedule)} if curves else {}
-    if done:
-        shown["tasks"] = figures.tasks_figure(finished)
-    return {"curves": curves, "done": done, "intervals": True, "figures": shown,
-            "buys": tasks_words(finished) if done else ""}
 
 
 TUNING = ResultsFolder(

@@ -21,7 +21,7 @@ NOT_OPTIMAL = "NOT OPTIMAL"
 FULCRUM = "fulcrum from the keel's end (mm)"
 _FAILED = "#b3261e"
 _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
-_WIDE = 10.6  # inches, of a figure of several columns
+_WIDE = 6.4  # inches, so that letters can be read on a telephone
 
 
 def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
@@ -88,49 +88,58 @@ def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> No
 
 @_drawn
 def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
-    """Left, the cost with its optimum; right, what each of its terms adds as the fulcrum leaves the optimum."""
-    terms = [row for row in table.terms if len(table.swept("terms", row.name)[0])]
-    several = len(terms) > 1
-    figure.set_size_inches(_WIDE if several else 7.4, 4.3)
-    panels = figure.subplots(1, 1 + several, squeeze=False)[0]
-    _cost(panels[0], table, arrays)
-    if several:
-        panels[1].axhline(0.0, color="0.4", linewidth=0.8)
-        for i, row in enumerate(terms):
-            x, y = table.swept("terms", row.name)
-            _curve(panels[1], x, y - (row.value if row.value is not None else float(y.min())),
-                   color=f"{0.08 + 0.5 * i / len(terms):.2f}", linewidth=1.6, linestyle=_DASHES[i % 6],
-                   marker=MARKERS[i % len(MARKERS)], label=row.label)
-        label(panels[1], x=FULCRUM, y=f"change from the optimum ({table.cost_unit})", title="What each term adds")
-    for axes in panels:
-        _mark_positions(axes, table)
-        _legend(axes)
-
-
-def _cost(axes: Axes, table: TuningTable, arrays: Arrays) -> None:
-    x_of, trials, best = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials"), table.fulcrum_mm
+    """The cost over the whole range with its optimum; where terms of it only hold to the recording, also without
+    these, with that least."""
+    figure.set_size_inches(_WIDE, 3.9)
+    axes, best = figure.subplots(), table.fulcrum_mm
+    x_of, trials = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials")
     if x_of is not None and trials is not None and np.shape(trials)[1] > 1:
         own = np.asarray(trials, dtype=float).T
         at = int(np.argmin(np.abs(np.asarray(x_of) - (best or np.median(x_of)))))
         for i, values in enumerate(own):
             axes.plot(x_of, values - values[at] + own[:, at].mean(), color="0.75", linewidth=0.9, zorder=1,
                       label="one trial, shifted" if i == 0 else None)
-    _curve(axes, *table.swept(), linewidth=1.8, label="cost")
+    least, x = table.least_rest(), table.swept()[0]
+    _curve(axes, *table.swept(), linewidth=1.8, label="cost" if least is None else "cost, held to the recording")
+    if least is not None:
+        _curve(axes, x, np.array([table.rest_at(mm) for mm in x], dtype=float), linewidth=1.6, linestyle="--",
+               marker="", label="cost by itself")
+        _point(axes, *least[:1], *least, marker="D", color="white", markeredgecolor=_colour(least[0]),
+               markeredgewidth=1.6, zorder=5, label=f"its least, {least[0]:.1f} mm")
     if best is not None and table.cost is not None:
         look = {"marker": "*", "markersize": 15, "color": "white", "markeredgecolor": _colour(best),
                 "markeredgewidth": 1.6, "label": f"optimum, {best:.1f} mm"} if table.optimal else {
             "marker": "x", "markersize": 11, "color": _FAILED, "markeredgewidth": 2.4,
             "label": f"last iterate, {NOT_OPTIMAL}"}
         _point(axes, best, best, table.cost, zorder=5, **look)
-    label(axes, x=FULCRUM, y=f"{table.cost_label} ({table.cost_unit})", title="Cost over the whole range")
+    label(axes, x=FULCRUM, y="\n".join(textwrap.wrap(f"{table.cost_label} ({table.cost_unit})", 40)),
+          title="By itself the cost is least elsewhere" if table.held_from else "Cost over the whole range")
+    _mark_positions(axes, table)
+    _legend(axes)
+
+
+@_drawn
+def terms_figure(figure: Figure, table: TuningTable) -> None:
+    """What each term of the cost adds as the fulcrum leaves the optimum."""
+    figure.set_size_inches(_WIDE, 3.6)
+    axes, terms = figure.subplots(), [row for row in table.terms if len(table.swept("terms", row.name)[0])]
+    axes.axhline(0.0, color="0.4", linewidth=0.8)
+    for i, row in enumerate(terms):
+        x, y = table.swept("terms", row.name)
+        _curve(axes, x, y - (row.value if row.value is not None else float(y.min())),
+               color=f"{0.08 + 0.5 * i / len(terms):.2f}", linewidth=1.6, linestyle=_DASHES[i % 6],
+               marker=MARKERS[i % len(MARKERS)], label=row.label)
+    label(axes, x=FULCRUM, y=f"change from the optimum ({table.cost_unit})", title="What each term adds")
+    _mark_positions(axes, table)
+    _legend(axes)
 
 
 @_drawn
 def outcomes_figure(figure: Figure, table: TuningTable) -> None:
     """One panel an outcome; the grey band is its uncertainty about the value at the optimum."""
     rows, best = reading.shown_outcomes(table), table.fulcrum_mm
-    across = min(3, len(rows))
-    figure.set_size_inches(_WIDE if across > 1 else 6.0, 0.5 + 2.5 * -(-len(rows) // across))
+    across = min(2, len(rows))
+    figure.set_size_inches(_WIDE, 0.5 + 2.3 * -(-len(rows) // across))
     for axes, row in zip(_panels(figure, len(rows), across, FULCRUM), rows, strict=True):
         x, y = table.swept("outcomes", row.name)
         _mark_positions(axes, table, named=False)
@@ -145,7 +154,7 @@ def outcomes_figure(figure: Figure, table: TuningTable) -> None:
             axes.margins(y=0.5)
         axes.set_ylabel(row.unit if row.unit not in ("", "1") else "no unit")
         hardly = ": hardly changes" if row.matters is False else ""
-        axes.set_title(textwrap.fill(f"{row.label}{hardly}", 38), loc="left")
+        axes.set_title(textwrap.fill(f"{row.label}{hardly}", 36), loc="left")
 
 
 _RECORDED: dict[str, Any] = {"label": "recorded", "color": "0.45", **MEASURED}
@@ -169,7 +178,7 @@ def _forces(
                 if f"{prefix}{name}" in arrays:
                     axes.plot(time(prefix), np.asarray(arrays[f"{prefix}{name}"])[:, column], **look)
             label(axes, x=x_label, y="force (N)", title=f"{title}{direction}")
-    panels[0, 0].figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    panels[0, 0].figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
 
 @_drawn
@@ -201,9 +210,9 @@ def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
 def stride_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) -> None:
     """Level 2: coordinates ("q") or joint "torque" over the gait cycle, and the recorded ones."""
     count = np.shape(arrays[key])[1]
-    names, across = map(str, arrays["names"][-count:]), 4 if count > 6 else 3
-    figure.set_size_inches(_WIDE, 0.6 + 2.3 * -(-count // across))
-    panels = _panels(figure, count, across, "gait cycle (%)")
+    names = map(str, arrays["names"][-count:])
+    figure.set_size_inches(_WIDE, 0.6 + 2.1 * -(-count // 2))
+    panels = _panels(figure, count, 2, "gait cycle (%)")
     for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
         for suffix in ("_recorded", ""):
             if f"{key}{suffix}" in arrays:
@@ -230,7 +239,7 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
     points = [(row.fulcrum_mm, (row.first, row.second)) for row in table.pareto
               if row.fulcrum_mm is not None and row.first is not None and row.second is not None]
     first, second = (f"{name.replace('_', ' ')} (in its unit)" for name in table.pareto_names)
-    figure.set_size_inches(7.4, 4.4)
+    figure.set_size_inches(_WIDE, 4.2)
     axes = figure.subplots()
     x, y = ([at[k] for _, at in points] for k in (0, 1))
     axes.plot(x, y, color=NEUTRAL, linewidth=1.0)
@@ -250,8 +259,8 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
 def tasks_figure(figure: Figure, table: TuningTable | Schedule) -> None:
     """Each task's own setting, and by how much one setting for all is worse."""
     rows: tuple[TaskOptimum | TaskSetting, ...] = table.tasks
-    figure.set_size_inches(_WIDE, 1.5 + 0.38 * len(rows))
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure.set_size_inches(_WIDE, 2.2 + 0.6 * len(rows))
+    left, right = figure.subplots(2)
     _one_for_all(left, table)
     if table.common_fulcrum_mm is not None:
         _legend(left, framealpha=None)
@@ -264,13 +273,14 @@ def tasks_figure(figure: Figure, table: TuningTable | Schedule) -> None:
         if lost is not None:
             right.barh(place, lost, height=0.55, color="0.55")
             right.annotate(f" {lost:.2f}", (max(lost, 0.0), place), va="center", fontsize=8)
-    left.set_yticks(range(len(rows)), [row.label for row in rows])
-    left.set_ylim(len(rows) - 0.4, -0.6)
+    for axes in (left, right):
+        axes.set_yticks(range(len(rows)), [row.label for row in rows])
+        axes.set_ylim(len(rows) - 0.4, -0.6)
     right.margins(x=0.15)
     right.set_xlim(left=0.0)
     label(left, x=FULCRUM, y="", title="Setting of each task")
-    label(right, x=f"more {table.cost_label} with one setting for all ({reading.excess_unit(table)})", y="",
-          title="What adaptability buys")
+    label(right, x=f"more cost with one setting for all ({reading.excess_unit(table)})", y="",
+          title=f"What the one for all costs: {table.cost_label}")
 
 
 @_drawn
@@ -278,7 +288,7 @@ def robustness_figure(figure: Figure, table: TuningTable) -> None:
     """Where the optimum goes when something that is not known exactly is changed."""
     rows = [(row.what, row.fulcrum_mm) for row in table.robustness if row.fulcrum_mm is not None]
     ends = [row.fulcrum_mm for row in table.sweep]
-    figure.set_size_inches(8.6, 1.4 + 0.3 * len(rows))
+    figure.set_size_inches(_WIDE, 1.4 + 0.4 * len(rows))
     axes = figure.subplots()
     if table.fulcrum_interval_mm is not None:
         axes.axvspan(*table.fulcrum_interval_mm, color=SHADE, zorder=0)
@@ -286,7 +296,7 @@ def robustness_figure(figure: Figure, table: TuningTable) -> None:
         axes.axvline(table.fulcrum_mm, color="black", linewidth=1.0, zorder=1)
     for place, (_, mm) in enumerate(rows):
         _point(axes, mm, mm, place, markersize=7, zorder=2)
-    axes.set_yticks(range(len(rows)), [what for what, _ in rows])
+    axes.set_yticks(range(len(rows)), [textwrap.fill(what, 30) for what, _ in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
     if ends:
         axes.set_xlim(min(ends) - 2.0, max(ends) + 2.0)
@@ -296,7 +306,7 @@ def robustness_figure(figure: Figure, table: TuningTable) -> None:
 @_drawn
 def schedule_curves_figure(figure: Figure, table: Schedule) -> None:
     """By how much each task's cost exceeds its own least, over the fulcrum; the one setting for all as a line."""
-    figure.set_size_inches(8.6, 4.2)
+    figure.set_size_inches(_WIDE, 4.0)
     axes = figure.subplots()
     for i, row in enumerate(reading.curved(table)):
         x, y = np.array(row.sweep.fulcrum_mm), np.array(row.sweep.cost)
@@ -309,7 +319,7 @@ def schedule_curves_figure(figure: Figure, table: Schedule) -> None:
     _one_for_all(axes, table)
     _legend(axes)
     label(axes, x=FULCRUM, y=f"cost above the task's least ({table.cost_unit})",
-          title=f"Each task over the whole range: {table.cost_label}")
+          title="What a task loses off its own setting")
 
 
 @_drawn
@@ -319,7 +329,7 @@ def policy_figure(figure: Figure, table: Schedule, name: str) -> None:
                   key=lambda row: row[0])
     x, y = [at for at, _, _ in rows], [exact_mm for _, exact_mm, _ in rows]
     beyond = 0.15 * (max(x) - min(x) or 1.0)
-    figure.set_size_inches(7.4, 3.8)
+    figure.set_size_inches(_WIDE, 3.8)
     axes = figure.subplots()
     axes.plot([x[0] - beyond, *x, x[-1] + beyond], [y[0], *y, y[-1]], color="black", linewidth=1.2,
               label="lookup, before rounding")
