@@ -17,13 +17,10 @@ from vsf_drake.plants.solids import frustum_volume
 from vsf_drake.plants.visuals import add_foot_visuals, add_visuals, draw_ground, lofted
 
 
-def subject(side):
-    return Subject(mass_kg=80.0, stature_m=1.8, sex="male", prosthetic_side=side)
-
-
-def drawn_person(side):
+def drawn_person(side, **lengths):
     plant, scene_graph = registered_plant()
-    person = add_person(plant, subject(side), ModelParameters())
+    subject = Subject(mass_kg=80.0, stature_m=1.8, sex="male", prosthetic_side=side, **lengths)
+    person = add_person(plant, subject, ModelParameters())
     add_visuals(plant, person)
     plant.Finalize()
     return plant, scene_graph.model_inspector(), person
@@ -76,10 +73,11 @@ def test_every_segment_and_device_part_is_drawn():
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_the_person_stands_as_tall_as_they_are_with_the_arms_beside(side):
-    plant, inspector, person = drawn_person(side)
-    [head] = outlines(plant, inspector, "head").values()
+def test_the_person_stands_as_tall_as_they_are_with_the_head_on_and_the_arms_beside(side):
+    plant, inspector, person = drawn_person(side, thigh_length_m=0.36)  # short legs: the rest must be long
+    head, trunk = (outlines(plant, inspector, part)["pelvis"] for part in ("head", "trunk"))
     hips = person.body.hip_up
+    assert head[:, 2].min() < trunk[:, 2].max()
     assert head[:, 2].max() == pytest.approx(hips - person.body.leg_length + 1.8, abs=1e-6)
     right, left = (outlines(plant, inspector, f"arm_{arm}")["pelvis"] for arm in ("right", "left"))
     np.testing.assert_allclose(sorted(left[:, 1]), sorted(-right[:, 1]), atol=1e-6)

@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 import pytest
+from meshcat_page import commands
 from pydrake.geometry import Meshcat
 
 from vsf_drake.errors import InputError
@@ -20,6 +21,7 @@ from vsf_drake.report.show.scene import (
     KINDS,
     RESET,
     RISE,
+    SPHERES,
     STOP,
     SUPPORT,
     Scene,
@@ -142,6 +144,12 @@ def test_buttons_reset_and_end():
     assert viewer.poll()
     assert viewer.values() == scene.rest
     assert meshcat.GetSliderValue(SUPPORT) == 0.0
+    for clicks, shown in ((1, True), (2, False)):
+        meshcat.clicks[SPHERES] = clicks
+        viewer.poll()
+        said = {c["path"]: c["value"] for c in commands(meshcat.StaticHtml()) if c.get("property") == "visible"}
+        assert said["/model/vsf/vsf_frame/vsf/site_0"] is shown
+        assert said["/model/vsf/keel_body_8/vsf/sole"] is not shown
     meshcat.clicks[STOP] = 1
     assert not viewer.poll()
 

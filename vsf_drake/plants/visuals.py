@@ -131,12 +131,13 @@ def add_visuals(plant: MultibodyPlant, person: PersonHandles, *, spheres: bool =
     add_foot_visuals(plant, person.foot, spheres=spheres)
     body, stature = person.body, person.subject.stature_m
     hips = np.array([body.hip_forward, 0.0, body.hip_up])
-    crown = max(stature - body.leg_length, 1.4 * body.trunk_length)  # above the hips
+    crown, head = max(stature - body.leg_length, 1.4 * body.trunk_length), _HEAD.copy()  # above the hips
+    head[0, 0] = min(head[0, 0], (body.trunk_length - crown) / stature)  # the neck begins in the trunk
     arms = [(f"arm_{side}", _ARM, stature, 2.0, SKIN, [-0.005 * stature, lateral * stature, 0.90 * body.trunk_length])
             for side, lateral in (("left", 0.11), ("right", -0.11))]
     for name, (height, middle, *half), size, squareness, colour, place in (
             ("trunk", _TRUNK, body.trunk_length, 2.4, CLOTHES, np.zeros(3)),
-            ("head", _HEAD, stature, 2.0, SKIN, [0.0, 0.0, crown]), *arms):
+            ("head", head, stature, 2.0, SKIN, [0.0, 0.0, crown]), *arms):
         stations = size * np.column_stack([height, middle, np.zeros_like(height), *half])
         draw(plant, person.pelvis, name, lofted("z", stations, squareness), colour, hips + np.array(place))
     for name, segment in person.segments.items():
