@@ -222,7 +222,7 @@ def bench_page(tmp_path_factory):
 
 def test_the_page_bends_the_keel_under_the_fulcrum_that_moves(bench_page):
     page = bench_page.read_text(encoding="utf-8")
-    assert "<title>vsf_drake: bench</title>" in page and "fulcrum from 66 to 151 mm" in page
+    assert "<title>vsf_drake: bench</title>" in page and "moves from 66 to 151 mm" in page
     moved = tracks(page)
     frame, carriage = (moved[f"/model/vsf/{name}"]["position"][1] for name in ("vsf_frame", "vsf_carriage"))
     tip = moved["/model/vsf/keel_body_8"]["position"][1] - frame

@@ -48,11 +48,13 @@ _SOCKET_WALL_M, _GROUND_SHOWN_M, _PLATE_M = 0.006, 3.0, 0.02
 _RAIL_M, _ROLLER_M, _LAP_M = 0.006, 0.006, 0.002  # rail's thickness, roller's radius, overlap of the sole's pieces
 _OUTLINE = np.array([
     [0.00, 0.02, 0.06, 0.12, 0.20, 0.35, 0.50, 0.62, 0.72, 0.82, 0.90, 0.95, 0.98, 1.00],
-    [0.045, 0.080, 0.112, 0.128, 0.132, 0.126, 0.138, 0.162, 0.176, 0.173, 0.160, 0.140, 0.115, 0.075],
+    [0.050, 0.085, 0.112, 0.128, 0.132, 0.126, 0.138, 0.162, 0.176, 0.173, 0.160, 0.140, 0.110, 0.055],
     [0.000, 0.000, 0.000, 0.000, 0.000, 0.008, 0.012, 0.010, 0.002, -0.010, -0.020, -0.026, -0.030, -0.034],
     [0.40, 0.55, 0.72, 0.86, 0.97, 1.00, 0.74, 0.55, 0.45, 0.38, 0.32, 0.27, 0.22, 0.15]])
 """A foot from heel to toe, by share of its length: half its width and how far its middle is lateral, as shares of the
 length, and the height of its back as a share of the ankle's."""
+_BEVEL = np.array([[0.75, 0.88, 1.00, *[1.0] * 11], [0.0] * 10 + [0.05, 0.20, 0.38, 0.55]])
+"""How far below the keel the foam ends and begins there, as shares of its thickness."""
 _TRUNK = np.array([
     [-0.16, -0.10, 0.00, 0.17, 0.38, 0.62, 0.80, 0.90, 0.96, 1.01, 1.03],
     [0.00, 0.00, 0.00, 0.00, 0.01, 0.01, 0.00, -0.01, -0.01, -0.01, -0.01],
@@ -119,9 +121,9 @@ def add_foot_visuals(plant: MultibodyPlant, foot: FootHandles, *, spheres: bool 
         if end > start:
             x = np.array([start - _LAP_M, *shares[(shares > start) & (shares < end)], end + _LAP_M])
             half, middle = (p.length_m * np.interp(x, shares, row) for row in outline)
-            level = np.full_like(x, 0.5 * foam)
+            low, high = (-top - foam * np.interp(x, shares, row) for row in _BEVEL)
             draw(plant, body, "sole", lofted("x", np.column_stack(
-                [x - origin, outward * middle, -top - level, half, level]), 8.0), FOAM)
+                [x - origin, outward * middle, 0.5 * (low + high), half, 0.5 * (high - low)]), 8.0), FOAM)
     if spheres:
         _draw_sites(plant, foot.sites, SITE_NAME)
 
