@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from vsf_drake.analysis.metrics import UNFITTED
 from vsf_drake.analysis.tuning.schedule import DESCRIPTORS, LOOKUP, POLICY_FORMAT, Schedule, TaskSetting, schedule_of
 from vsf_drake.analysis.tuning.table import FORMAT, Provenance, TuningTable, tuning_of
 from vsf_drake.files import plain
@@ -76,7 +77,7 @@ def schedule_page(saved: Mapping[str, Any], arrays: Arrays, *, lenient: bool, fo
 
 def _chapter(name: str, title: str, record: TuningTable | Schedule, facts: Facts) -> Chapter:
     return Chapter(name=name, title=title, template=f"tuning/{name}.html.j2", figures=facts.pop("figures", {}),
-                   facts={"t": record, **facts})
+                   facts={"t": record, "unfitted": UNFITTED, **facts})
 
 
 def first_line(table: TuningTable) -> list[str]:
