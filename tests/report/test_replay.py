@@ -175,7 +175,10 @@ def test_plate_is_drawn_beside_the_prediction_while_it_records(tmp_path):
     assert not re.findall(r"<(?:script|img|iframe|link|source)[^>]*\s(?:src|href)\s*=", page)
     assert not re.search(r"@import|fetch\(\s*[\"']https?:|new WebSocket\(\s*[\"']", page)
     assert 1e5 < len(page) < 15e6
-    shouted = replay_page(tmp_path, short_walk(synthetic=True, converged=False, unconverged_steps=3), plate=plate())
+    assert "UNFITTED" not in page
+    shouted = replay_page(tmp_path, short_walk(synthetic=True, converged=False, unconverged_steps=3,
+                                               notes=("UNFITTED: to <nobody>",)), plate=plate())
+    assert "<b>UNFITTED</b>" in shouted and "<li>UNFITTED: to &lt;nobody&gt;</li>" in shouted
     assert re.search(r"<title>made-up walk: synthetic walk", shouted) and "3 STEPS NOT CONVERGED" in shouted
     assert "prosthetic foot, reference (SYNTHETIC)" in shouted
     assert "measured<" not in shouted and "recorded walk" not in shouted

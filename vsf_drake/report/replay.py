@@ -14,6 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.perception import PointCloud
 
 from vsf_drake.analysis.comparison import FORCE_CUTOFF_HZ, THRESHOLD_N, resample, uniform_grid, walking_direction
+from vsf_drake.analysis.metrics import UNFITTED
 from vsf_drake.errors import InputError
 from vsf_drake.files import write_text
 from vsf_drake.model_file import check_model
@@ -50,7 +51,8 @@ WALK, FORCES, GROUND = "/walk", "/forces", "/ground"  # where things stand in Me
 UPRIGHT = f"{WALK}/pelvis/upright"  # what is drawn on the pelvis, turned back by its mean tilt
 ARROW_M_PER_BW = 1.0  # length of a force arrow for one body weight (m)
 ARM_SWING = 0.6  # of the other thigh's, about the shoulder (a choice)
-_DOT_M, _PIECE_M = 0.008, 0.5
+_DOT_M, _GRID_M = 0.008, 0.1
+_PIECE = 5  # cells of the grid that a line is long: some renderers drop longer ones
 _EYE_HEIGHT_M, _LOOKED_AT_M, _DISTANCE_M = 1.25, 0.90, 3.5
 _ARROWS = {"predicted": (PREDICTED, 0.45, 0.010, (0.07, 0.027), 1),
            "measured": (MEASURED, 0.99, 0.004, (0.05, 0.011), 2)}
@@ -85,6 +87,7 @@ def write_replay(result: WalkResult, path: str | Path, *, plate: PlateRecording 
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     write_text(path, finish_page(
         meshcat, f"{result.trial_name}: {kind}", "replay.html.j2", walk=result, curves=curves,
+        unfitted=any(note.startswith(UNFITTED) for note in result.notes),
         fulcrum_mm=np.round(1e3 * frames.fulcrum_m, 1).tolist(), weight_n=weight, weight_height=100.0 * weight / top,
         intact_peak_bw=float(result.intact_grf_W[:, 2].max()) / weight, full_percent=100 * FULL_COLOUR_BW,
         loaded="#" + "".join(f"{round(255 * c):02x}" for c in LOADED),
@@ -191,30 +194,17 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> No
         meshcat.SetProperty(name, "visible", False)
     meshcat.SetObject(f"{GROUND}/plane", Box(float(size[0]), float(size[1]), 0.002), Rgba(0.86, 0.87, 0.86))
     meshcat.SetTransform(f"{GROUND}/plane", shifted(middle[0], middle[1], -0.002))
-    for name, spacing, shade in (("fine", 0.1, 0.62), ("coarse", 0.5, 0.30)):
-        start, end = _grid(low, high, spacing)
-        meshcat.SetLineSegments(f"{GROUND}/{name}", np.asfortranarray(start.T), np.asfortranarray(end.T), 1.0,
-                                Rgba(shade, shade, shade, 1.0))
+    xs, ys = (np.linspace(a, b, round((b - a) / _GRID_M) + 1) for a, b in zip(low, high, strict=True))
+    nodes = np.stack([*np.meshgrid(xs, ys, indexing="ij"), np.zeros((len(xs), len(ys)))])
+    start, end = (np.asfortranarray(np.hstack([nodes[:, ends].reshape(3, -1), nodes[:, :, ends].reshape(3, -1)]))
+                  for ends in (slice(0, -1, _PIECE), slice(_PIECE, None, _PIECE)))
+    meshcat.SetLineSegments(f"{GROUND}/grid", start, end, 1.0, Rgba(0.62, 0.62, 0.62))
     forward = walking_direction(result)
     side = np.array([-forward[1], forward[0]]) * (1.0 if result.side == "left" else -1.0)
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW_DEG, aspect=ASPECT))
     start = frames.q[0, [names.index("pelvis_tx"), names.index("pelvis_tz")]] * [1.0, -1.0]
     eye = start + _DISTANCE_M * (0.94 * side + 0.34 * forward)
     meshcat.SetCameraPose(np.array([*eye, _EYE_HEIGHT_M]), np.array([*start, _LOOKED_AT_M]))
-
-
-def _grid(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """(k, 3) starts and ends of the lines of a grid on the ground, in pieces: some renderers drop long ones."""
-    start: list[np.ndarray] = []
-    end: list[np.ndarray] = []
-    for along in (0, 1):
-        places = np.arange(low[1 - along], high[1 - along] + 0.5 * spacing, spacing)
-        for at in np.arange(low[along], high[along], _PIECE_M):
-            for points, where in ((start, at), (end, at + _PIECE_M)):
-                line = np.zeros((len(places), 3))
-                line[:, along], line[:, 1 - along] = where, places
-                points.append(line)
-    return np.vstack(start), np.vstack(end)
 
 
 # What a replay shows in each of its frames: pure numbers out of a saved result, no Drake.
