@@ -101,7 +101,7 @@ def written(templates, text, folder, **options):
     made = Chapter(name="own", title="Own", template="own.html.j2", figures={"line": drawn()},
                    facts=WIDE | {"bad": True, "odd": "a < b & c", "name": "<x>", "share": 0.5})
     return chapter_page([made], title="A <title>", first_line="Walking data are SYNTHETIC.", synthetic=True,
-                        links={"the replay": "replay.html"}, folder=folder, **options)
+                        folder=folder, **options)
 
 
 def test_a_chapter_is_its_template_filled_in_and_leaves_files_of_what_it_shows(templates, tmp_path):
@@ -111,7 +111,7 @@ def test_a_chapter_is_its_template_filled_in_and_leaves_files_of_what_it_shows(t
     assert reader.open == [] and "<x>" not in text
     for words in ("<p>&lt;x&gt; failed, 50 %.</p>", 'alt="Rises to &lt;x&gt;"', "Forty of &lt;x&gt;.",
                  "Force of &lt;x&gt;.", '<p class="synthetic">Walking data are SYNTHETIC.</p>',
-                 '<a href="replay.html">the replay</a>', "a &lt; b &amp; c", 'src="data:image/svg+xml;base64,'):
+                 "a &lt; b &amp; c", 'src="data:image/svg+xml;base64,'):
         assert words in text, words
     assert {str(path) for path in shown.files} == {"tables/wide.csv", "figures/line.png", "figures/line.svg"}
     assert all((tmp_path / path).is_file() for path in shown.files)

@@ -199,13 +199,13 @@ class ShownChapter:
 
 
 def chapter_page(
-    chapters: Sequence[Chapter], *, title: str, first_line: str, synthetic: bool,
-    links: Mapping[str, str] | None = None, alarm: str = "", folder: Path | None = None, lenient: bool = False
+    chapters: Sequence[Chapter], *, title: str, first_line: str, synthetic: bool, alarm: str = "",
+    folder: Path | None = None, lenient: bool = False
 ) -> tuple[Markup, list[ShownChapter]]:
     """The page, and its chapters as they are shown.
 
     Args:
-        first_line: what is measured and what is not, in plain text. links: file beside the page by what it is called.
+        first_line: what is measured and what is not, in plain text.
         alarm: why nothing on the page may be taken for a result; red, above everything else.
         folder: an existing one, for the files of figures and tables.
         lenient: whether what cannot be shown is named in its place instead of raising: of another version, or edited.
@@ -214,8 +214,8 @@ def chapter_page(
         for name in (FIGURES, TABLES):
             (folder / name).mkdir(exist_ok=True)
     shown = [ShownChapter(chapter, folder, lenient=lenient) for chapter in chapters]
-    return render("chapters.html.j2", title=title, first_line=first_line, synthetic=synthetic, links=links or {},
-                  alarm=alarm, chapters=shown), shown
+    return render("chapters.html.j2", title=title, first_line=first_line, synthetic=synthetic, alarm=alarm,
+                  chapters=shown), shown
 
 
 def write_csv(path: Path, headings: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:

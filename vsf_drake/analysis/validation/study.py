@@ -95,6 +95,13 @@ class Study:
         positions = sorted({walk.fulcrum_mm for walk in self.walks})
         return {x: tuple(walk for walk in self.walks if walk.fulcrum_mm == x) for x in positions}
 
+    @property
+    def shown(self) -> StudyWalk:
+        """The walk that stands for all to look at: a held-out one of the middle condition if there is one."""
+        conditions = [*self.conditions().values()]
+        middle = conditions[len(conditions) // 2]
+        return next((walk for walk in middle if walk.role == HELD_OUT), middle[0])
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Section(Generic[Table_co]):

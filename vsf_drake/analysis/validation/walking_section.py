@@ -9,22 +9,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.optimize import minimize_scalar
 
 from vsf_drake.analysis.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
 from vsf_drake.analysis.comparison import (
     PERCENT,
     Comparison,
     StanceComparison,
+    compare,
     cumulative_integral,
     filtered_while_loaded,
     percent_instants,
     r_squared,
     rmse,
-    uniform_grid,
 )
 from vsf_drake.analysis.fulcrum_sweep import SWEEP_POSITIONS, SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
+from vsf_drake.analysis.metrics import agreement
 from vsf_drake.analysis.prediction import layers_of
 from vsf_drake.analysis.sweep_table import scores
 from vsf_drake.analysis.validation.study import (
@@ -40,12 +39,13 @@ from vsf_drake.analysis.validation.study import (
     rms,
     spread,
 )
-from vsf_drake.errors import raise_if_interrupted
+from vsf_drake.errors import SimulationError, raise_if_interrupted
 from vsf_drake.files import flat, plain
 from vsf_drake.motion.events import longest_run, runs
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY
+from vsf_drake.plants.foot import keel_joint_positions
 from vsf_drake.sentences import say
 from vsf_drake.simulation.batch import WalkCase, WalkOutcome, simulate_batch
 from vsf_drake.simulation.results import WalkResult, coordinate_unit
@@ -145,6 +145,15 @@ class LayerRow:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ShownWalk:
+    """The walk of the arrays `moved_*`, and the walk whose measured curves are its null model there."""
+
+    label: str
+    fulcrum_mm: float
+    null_label: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class WalkingTable:
     """The walking section; conditions are softest first, summaries None without a walk of that role."""
 
@@ -155,11 +164,10 @@ class WalkingTable:
     offsets_fitted: RoleSummary | None
     angle_errors: tuple[AngleErrorRow, ...]
     layers: tuple[LayerRow, ...]  # none without a contact that keeps what its plates taught
+    shown: ShownWalk | None  # None where no stance lies inside its window
     stance_r: float | None  # Pearson's over all walks
     stance_n: int
-    angle_rmse_deg: float | None  # prescribed rotations, followed against commanded
-    angle_lag_ms: float | None  # of largest size
-    angle_recording_rmse_deg: float | None  # against the recording, before a fit corrected it
+    angle_recording_rmse_deg: float | None  # of what a fit corrected of the recorded rotations
     sweeps: int  # fulcrum sweeps that name a position
     sweeps_right: int  # and the right one
     spm1d: str | None  # its version
@@ -189,7 +197,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     """Every number of Table 3, per walk and per condition, and curves.
 
     Arrays (101 points of the measured stance; G is a group, Q one of QUANTITIES): `group_G_Q_measured_mean`,
-    `_measured_sd`, `_model_mean`, `_model_sd`, and those of `differing_regions` likewise.
+    `_measured_sd`, `_model_mean`, `_model_sd`, and those of `differing_regions` likewise; those of `moved_fulcrum`.
     """
     show = progress or (lambda what, fraction: None)
     failures: dict[str, list[str]] = {}
@@ -212,6 +220,8 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
             tested, more = differing_regions(both, seed=(study.options.seed, i, list(QUANTITIES).index(name)))
             arrays |= {f"group_{group}_{name}_{key}": value for key, value in (mean_curves(both) | more).items()}
             differences.append(GroupDifference(**vars(tested), group=group, quantity=name))
+    shown, moved = moved_fulcrum(study, curves)
+    arrays |= moved
     stance_r, stance_n = pearson(rows, "stance_measured_s", "stance_model_s")
     method = next((d.method for d in differences if d.method), None)
     held_out, fitted, offsets_fitted = (summary([row for row in rows if row.role == role]) for role in ROLES)
@@ -219,9 +229,7 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     table = WalkingTable(
         rows=tuple(rows), conditions=tuple(condition(x, own) for x, own in by_position.items()), held_out=held_out,
         fitted=fitted, offsets_fitted=offsets_fitted, angle_errors=angle_errors, layers=layer_rows(study),
-        stance_r=stance_r, stance_n=stance_n,
-        angle_rmse_deg=finite(rms(walk.metrics.angle_rmse_deg for walk in study.walks)),
-        angle_lag_ms=max((ms for walk in study.walks for ms in lags_ms(walk.result)), key=abs, default=None),
+        shown=shown, stance_r=stance_r, stance_n=stance_n,
         angle_recording_rmse_deg=finite(rms(
             error for walk in study.walks for error in corrected_deg(walk.result, walk.recorded.trajectory).values())),
         sweeps=sum(one is not None for one in right), sweeps_right=right.count(True), spm1d=spm_version(),
@@ -263,61 +271,12 @@ def _walk_row(walk: StudyWalk, sweep: FulcrumSweep) -> WalkRow:
         free_moment_rmse_nm=moment_rmse, free_moment_r2=moment_r2, sweep=sweep_entry(sweep))
 
 
-# How well the joints follow what they were told: phase lag, and what a fit changed of the recorded angles.
-
-LARGEST_LAG_S = 0.05
-"""Lags are looked for up to this much early or late."""
-_LEAST_RANGE_RAD = np.radians(0.5)
-"""A rotation that varies less has no lag worth a number."""
-
-
-def lags_ms(result: WalkResult) -> list[float]:
-    """Of the followed behind the commanded angle, for every prescribed rotation that varies and of which it is known.
-    """
-    found = [lag(result.time_s, result.column(name), commanded)
-             for name, commanded in zip(result.prescribed_names, result.prescribed_q.T, strict=True)
-             if coordinate_unit(name) == "rad" and np.ptp(commanded) >= _LEAST_RANGE_RAD]
-    return [1e3 * late for late in found if late is not None]
-
-
 def corrected_deg(result: WalkResult, recorded: CoordinateTrajectory) -> dict[str, float]:
     """RMS difference of each rotation from what the laboratory wrote, over at least the walk's time: a fit may have
     changed the command."""
     return {name: float(np.degrees(rmse(
         result.column(name), recorded.ordered((name,)).sample(result.time_s)[0][:, 0])))
         for name in result.prescribed_names if coordinate_unit(name) == "rad" and name in recorded.names}
-
-
-def lag(time_s: np.ndarray, followed: np.ndarray, commanded: np.ndarray) -> float | None:
-    """By how much (s) `followed` is later than `commanded`: the shift of the largest cross-correlation.
-
-    The correlation is Pearson's over the same instants for every shift (those that are LARGEST_LAG_S from both ends),
-    and the command is a cubic spline, so that the shift is not bound to the samples. None if the largest correlation
-    lies at the end of the search or the record is too short for one.
-    """
-    grid = uniform_grid(time_s)
-    inside = (grid >= grid[0] + LARGEST_LAG_S) & (grid <= grid[-1] - LARGEST_LAG_S)
-    if np.count_nonzero(inside) < 10:
-        return None
-    own = np.interp(grid, time_s, followed)[inside]
-    own -= own.mean()
-    spline = make_interp_spline(time_s, commanded, k=3)
-
-    def unlike(shift: float) -> float:
-        """One minus the correlation, as half the squared distance of the two of unit length: exact near zero."""
-        other = spline(grid[inside] - shift)
-        other -= other.mean()
-        sizes = np.linalg.norm(own), np.linalg.norm(other)
-        return 1.0 if min(sizes) == 0.0 else 0.5 * float(np.sum((own / sizes[0] - other / sizes[1]) ** 2))
-
-    step = float(grid[1] - grid[0])
-    shifts = step * np.arange(-int(LARGEST_LAG_S / step), int(LARGEST_LAG_S / step) + 1)
-    best = int(np.argmin([unlike(shift) for shift in shifts]))
-    if best in (0, len(shifts) - 1):
-        return None
-    between = minimize_scalar(unlike, bounds=(shifts[best - 1], shifts[best + 1]), method="bounded",
-                              options={"xatol": 1e-9})
-    return float(between.x if between.fun < unlike(shifts[best]) else shifts[best])
 
 
 # Numbers over several walks: mean, standard deviation and worst, by condition and by role, and the paper's.
@@ -419,6 +378,60 @@ def _error(outcome: WalkOutcome) -> tuple[float, str]:
     except ValueError as problem:  # no instant in common with the plate
         return float("nan"), str(problem)
     return (float("nan"), "no stance was simulated") if error is None else (float(error), "")
+
+
+# One walk with the fulcrum elsewhere, its motion kept: what the ground does, and the keel at its most loaded.
+
+
+def moved_fulcrum(study: Study, curves: Mapping[str, Curves]) -> tuple[ShownWalk | None, dict[str, np.ndarray]]:
+    """The study's shown walk over the carriage, p positions; one whose walk fails is left out.
+
+    Arrays: `moved_fulcrum_mm` (p,); `moved_grf_rmse_bw` (p,) of the resultant; for Q resultant (BW) and, where it was
+    measured, cop (FL) `moved_Q_model` (p, 101) and `moved_Q_measured`, `moved_Q_null` (101,); at the instant of the
+    largest load ahead of the carriage `moved_keel_mm` (p, k, 2), x and z in K of the keel from A to its tip, and
+    `moved_load` (p, 2), that load (N) and its place (mm along the unbent keel).
+    """
+    walk, own = study.shown, curves[study.shown.label]
+    if not own:
+        return None, {}
+    trial, foot = walk.trial, walk.trial.model.foot
+    others = {one.label: curves[one.label] for one in study.walks if one is not walk and curves[one.label]}
+    seen = {one.label for one in study.walks if one.role == FITTED} & others.keys() or others.keys()
+    null = min(seen, key=lambda label: rmse(others[label]["resultant"][0], own["resultant"][0]), default=None)
+    walker, plate = Walker(trial.subject, trial.model), walk.recorded.prosthetic_plate
+    joints_mm = 1e3 * np.array([0.0, *keel_joint_positions(foot.keel), sum(foot.keel.element_lengths_m)])
+    spheres_mm = np.concatenate([zone.x_mm for zone in foot.zones])
+    ahead, rows = spheres_mm > 1e3 * foot.fulcrum.foremost_m, []
+    for x in np.unique(np.round([*sweep_positions(trial), trial.fulcrum_m], 6)):
+        result = walk.result
+        if x != round(trial.fulcrum_m, 6):
+            try:
+                result = walker.result(walker.walk(
+                    trial.trajectory, fulcrum_m=float(x), start_s=trial.start_s, end_s=trial.end_s, step_s=SWEEP_STEP_S,
+                    offsets=trial.offsets), trial, trial.offsets, energy=False)
+            except SimulationError:
+                continue
+        comparison = compare(result, plate)
+        found = walk_curves(dataclasses.replace(walk, result=result, comparison=comparison))
+        loads = result.sphere_normal_n[:, ahead]
+        i = int(np.argmax(loads.sum(axis=1)))
+        slopes = np.cumsum([angle[i] for name, angle in zip(result.coordinate_names, result.q.T, strict=True)
+                            if name.startswith("keel_")])  # the toe up is positive
+        pieces = np.diff(joints_mm) * [np.cos(slopes), np.sin(slopes)]
+        rows.append({
+            "fulcrum_mm": 1e3 * x, "grf_rmse_bw": agreement(
+                comparison, plate, body_weight_n=GRAVITY * result.subject_mass_kg,
+                foot_length_m=result.foot_length_m).grf_rmse_bw,
+            "keel_mm": np.vstack([np.zeros(2), np.cumsum(pieces, axis=1).T]),
+            "load": [loads[i].sum(), loads[i] @ spheres_mm[ahead] / max(loads[i].sum(), 1e-9)],
+            **{f"{name}_model": found[name][1] for name in ("resultant", "cop") if name in own}})
+    arrays = {f"moved_{key}": np.array([row[key] for row in rows], dtype=float) for key in rows[0]}
+    for name in ("resultant", "cop"):
+        if name in own:
+            arrays[f"moved_{name}_measured"] = own[name][0]
+        if null is not None and name in own and name in others[null]:
+            arrays[f"moved_{name}_null"] = others[null][name][0]
+    return ShownWalk(label=walk.label, fulcrum_mm=walk.fulcrum_mm, null_label=null), arrays
 
 
 # Curves over 101 points of the measured stance, and their mean and standard deviation over walks.

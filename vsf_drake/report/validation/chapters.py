@@ -1,11 +1,14 @@
-"""The chapters of a validation, made of its saved sections: in order, and with what is missing said."""
+"""The first screen and the chapters of a validation, made of its saved sections, with what is missing said."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from vsf_drake.files import record
 from vsf_drake.report.page import Chapter, made_chapter
@@ -33,12 +36,13 @@ _MAKERS: dict[str, tuple[str, Callable[..., Chapter]]] = {
 def make_chapters(
     content: Content, arrays: Arrays, tables: Mapping[str, type], *, lenient: bool
 ) -> list[Chapter]:
-    """Summary, one chapter a section, and how it was made; `arrays` by "section/name", `tables` the sections' records.
+    """The first screen, one chapter a section, and how it was made; `arrays` by "section/name", `tables` the records of
+    the sections.
 
     If `lenient`, a section that this version cannot show is named as missing instead of raising, as for results that
     another version wrote or somebody edited.
     """
-    chapters = [made_chapter("summary", "Summary", partial(_summary, content), lenient)]
+    chapters = [made_chapter("summary", "", partial(_summary, content, arrays), lenient)]
     for name, (title, maker) in _MAKERS.items():
         section, chapter = content["sections"].get(name), Chapter(name=name, title=title)
         if not isinstance(section, Mapping):
@@ -60,13 +64,94 @@ def make_chapters(
     return [*chapters, made_chapter("made", "How this was made", partial(_making, content), lenient)]
 
 
-def _summary(content: Content) -> Chapter:
-    tables = {name: (content["sections"].get(name) or {}).get("table") or {} for name in ("bench", "settings")}
+def _summary(content: Content, arrays: Arrays) -> Chapter:
+    tables = {name: (content["sections"].get(name) or {}).get("table") or {}
+              for name in ("bench", "settings", "walking")}
+    shown = tables["walking"].get("shown")
+    moved = {key.removeprefix("walking/moved_"): array for key, array in arrays.items() if "/moved_" in key}
     return Chapter(
-        name="summary", title="Summary", template="validation/summary.html.j2", missing=content.get("notes", ()),
+        name="summary", title="", template="validation/summary.html.j2", missing=content.get("notes", ()),
         facts={**content, "summary": [row for row in content["summary"] if row.get("value") is not None],
-               "failed": content.get("failed", ()), "on_bench": tables["bench"].get("contact_on_bench"),
-               "answer": tables["settings"].get("answer")})
+               "verdict": content.get("verdict", ()), "failed": content.get("failed", ()),
+               "on_bench": tables["bench"].get("contact_on_bench"), "answer": tables["settings"].get("answer"),
+               "walk": shown if moved else None, "moved": moved_walk(moved, shown["fulcrum_mm"]) if moved else None})
+
+
+# The first screen: one walk with the fulcrum at each position that was computed, as SVG that a slider redraws.
+
+_WIDE, _HIGH, _LEFT, _RIGHT, _TOP, _BOTTOM = 360.0, 236.0, 40.0, 8.0, 26.0, 36.0
+_LOAD_MM_PER_N = 0.07
+"""Length of the arrow of a load on the keel."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Axes of an SVG of _WIDE by _HIGH, from data to its points."""
+
+    name: str
+    title: str
+    x_label: str
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+
+    def points(self, x: np.ndarray, y: np.ndarray) -> str:
+        """A line for SVG, without what is not known."""
+        (x0, x1), (y0, y1) = self.x_range, self.y_range
+        across = _LEFT + (x - x0) / (x1 - x0) * (_WIDE - _LEFT - _RIGHT)
+        up = _HIGH - _BOTTOM - (y - y0) / (y1 - y0) * (_HIGH - _TOP - _BOTTOM)
+        return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, up, strict=True) if np.isfinite(a + b))
+
+    @property
+    def ticks(self) -> dict[str, list[tuple[str, str]]]:
+        """Of each axis: where, as SVG has it, and what stands there."""
+        found = {}
+        for i, (axis, span) in enumerate((("x", self.x_range), ("y", self.y_range))):
+            values = [v for v in MaxNLocator(5).tick_values(*span) if span[0] <= v <= span[1]]
+            at = (np.array(values), np.full(len(values), self.y_range[0]))
+            places = self.points(*(at if axis == "x" else (np.full(len(values), self.x_range[0]), at[0]))).split()
+            found[axis] = [(place.split(",")[i], f"{v:g}") for place, v in zip(places, values, strict=True)]
+        return found
+
+
+def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
+    """Panels with what stands still in them, and a frame for each position of the fulcrum: points and numbers by the
+    `id` of what shows them."""
+    percent, keel = np.linspace(0.0, 100.0, 101), arrays["keel_mm"]
+    panels, still = [], {}
+    frames: list[dict[str, str]] = [
+        {"moved-mm": f"{x:.0f}", "moved-error": f"{100.0 * error:.1f}", "moved-load": f"{load:.0f}",
+         "moved-tip": f"{z:.0f}"} for x, error, (load, _), z in zip(
+             arrays["fulcrum_mm"], arrays["grf_rmse_bw"], arrays["load"], keel[:, -1, 1], strict=True)]
+    for name, title in (("resultant", "Resultant ground reaction force (body weights)"),
+                        ("cop", "Centre of pressure along the foot (% of its length)")):
+        if f"{name}_model" not in arrays:
+            continue
+        scale = 100.0 if name == "cop" else 1.0
+        lines = {key: scale * arrays[f"{name}_{key}"] for key in ("measured", "null") if f"{name}_{key}" in arrays}
+        models = scale * arrays[f"{name}_model"]
+        low, high = (function([function(line) for line in (*lines.values(), models)])
+                     for function in (np.nanmin, np.nanmax))
+        panel = Panel(name, title, "measured stance (%)", (0.0, 100.0), (min(low, 0.0), 1.05 * high))
+        panels.append(panel)
+        still[name] = {key: panel.points(percent, line) for key, line in lines.items()}
+        for frame, model in zip(frames, models, strict=True):
+            frame[f"moved-{name}"] = panel.points(percent, model)
+    tip = float(keel[0, -1, 0]) + 30.0
+    scale_mm = tip * (_HIGH - _TOP - _BOTTOM) / (_WIDE - _LEFT - _RIGHT)  # equal scales
+    panel = Panel("keel", "Keel at its largest forefoot load (mm)", "from the keel's posterior end A (mm)", (0.0, tip),
+                  (-0.55 * scale_mm, 0.45 * scale_mm))
+    panels.append(panel)
+    still["keel"] = {"unbent": panel.points(np.array([0.0, tip - 20.0]), np.zeros(2))}
+    for frame, x, shape, (load, at) in zip(frames, arrays["fulcrum_mm"], keel, arrays["load"], strict=True):
+        z, head = (float(np.interp(place, *shape.T)) - 4.0 for place in (x, at))
+        foot = head - _LOAD_MM_PER_N * load
+        frame |= {
+            "moved-keel": panel.points(*shape.T),
+            "moved-fulcrum": panel.points(x + np.array([0.0, -7.0, 7.0]), z + np.array([0.0, -13.0, -13.0])),
+            "moved-arrow": panel.points(at + np.array([0.0, 0.0, -4.0, 4.0, 0.0]),
+                                        np.array([foot, head, head - 8.0, head - 8.0, head]))}
+    return {"panels": panels, "still": still, "frames": frames,
+            "own": int(np.argmin(np.abs(arrays["fulcrum_mm"] - own_mm)))}
 
 
 def _making(content: Content) -> Chapter:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from vsf_drake.analysis.validation.run import NAMES, Validation, is_kept, tables
-from vsf_drake.analysis.validation.study import HELD_OUT, Study
+from vsf_drake.analysis.validation.study import Study
 from vsf_drake.files import plain, write_json
 from vsf_drake.report.figures import walk_figure
 from vsf_drake.report.replay import write_replay
@@ -30,12 +30,11 @@ def _show(table: Content, arrays: Arrays, *, folder: Path, lenient: bool) -> dic
     replayed = bool(table.get("replay")) and (folder / REPLAY).is_file()
     if table.get("replay") and not replayed:
         notes.append(f"{REPLAY} is not there any more; making it again needs the walks: `vsf-drake validate`.")
-    content = {**table, "notes": notes}
+    content = {**table, "notes": notes, "replay_file": REPLAY if replayed else None}
     return {"chapters": make_chapters(content, arrays, tables(), lenient=lenient),
             "title": str(table.get("title") or "Validation"),
             "first_line": str(table.get("first_line") or NO_FIRST_LINE),
-            "synthetic": bool(table.get("synthetic", True)),
-            "links": {"replay of one trial (opens in a browser, needs no network)": REPLAY} if replayed else {}}
+            "synthetic": bool(table.get("synthetic", True))}
 
 
 def _holds_unfinished(out: Path) -> bool:
@@ -65,7 +64,7 @@ def write_validation(
 
 
 def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
-    """Result, metrics and figure of each walk, and the replay of one: a held-out one of the middle condition if any."""
+    """Result, metrics and figure of each walk, and the replay of the study's shown one."""
     taken: list[str] = []
     for walk in study.walks:
         name = walk.label.replace("/", "_").replace("..", "_")  # which folders may tell trials of one name apart
@@ -78,9 +77,7 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
         save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, walk.metrics), own / "walk")
         write_json(own / "metrics.json", {**plain(walk.metrics), "role": walk.role, "warnings": walk.warnings,
                                           "notes": walk.result.notes})
-    conditions = [*study.conditions().values()]
-    middle = conditions[len(conditions) // 2]
-    shown = next((walk for walk in middle if walk.role == HELD_OUT), middle[0])
+    shown = study.shown
     write_replay(shown.result, folder / REPLAY, plate=shown.recorded.prosthetic_plate,
                  intact_plate=shown.recorded.intact_plate)
     table["replay"] = shown.label
