@@ -10,16 +10,22 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-_MEASURE = """
+_MEASURE = r"""
 <script>addEventListener("load", () => setTimeout(() => {
   const page = document.documentElement, limit = page.clientWidth + 1;
   const scrolls = e => { for (let p = e; p; p = p.parentElement) if (p.classList.contains("wide")) return true; };
   const out = [...document.body.querySelectorAll("*")].filter(
     e => e.getBoundingClientRect().right > limit && !scrolls(e)).map(e => e.tagName + " " + e.textContent.slice(0, 40));
-  const images = [...document.images];
+  const images = [...document.images], texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  const acted = (() => {ACT})();
+  let words = 0;
+  while (texts.nextNode())
+    if (texts.currentNode.parentElement.checkVisibility())
+      words += texts.currentNode.data.split(/\s+/).filter(Boolean).length;
   parent.postMessage({width: page.clientWidth, scroll: page.scrollWidth, out: out.slice(0, 5), images: images.length,
     broken: images.filter(i => !i.naturalWidth).length,
-    unnamed: images.filter(i => i.alt.trim().length < 20).length}, "*");
+    unnamed: images.filter(i => i.alt.trim().length < 20).length, words, high: page.scrollHeight, acted,
+    tables: [...document.querySelectorAll("table")].filter(e => e.checkVisibility()).length}, "*");
 }, 300));</script>
 """
 _FRAME = """<!doctype html><meta charset="utf-8"><style>body{{margin:0}}iframe{{border:0}}</style>
@@ -35,6 +41,7 @@ class Seen:
     Attributes:
         width, scroll: of the page and of its content. out: elements beyond the right edge, outside of what scrolls.
         images, broken, unnamed: how many, how many do not show, how many have no alternative text worth the name.
+        words, tables: that are not folded away. high: the page's height (px). acted: what the script returned.
         console: messages. requests: addresses that are no files and no data.
     """
 
@@ -44,6 +51,10 @@ class Seen:
     images: int
     broken: int
     unnamed: int
+    words: int
+    tables: int
+    high: int
+    acted: object
     console: list[str]
     requests: list[str]
 
@@ -54,10 +65,13 @@ def chromium() -> str | None:
                 None)
 
 
-def look(page: Path, folder: Path, *, width: int, height: int = 900, budget_ms: int = 8000) -> Seen:
-    """Opens `page` in a frame `width` pixels wide for `budget_ms` of its time; `folder` is an empty one to work in."""
+def look(page: Path, folder: Path, *, width: int, height: int = 900, budget_ms: int = 8000,
+         act: str = "return null;") -> Seen:
+    """Opens `page` in a frame `width` pixels wide for `budget_ms` of its time and does there what the script `act`
+    does before words and tables are counted; `folder` is an empty one to work in."""
     text = page.read_text(encoding="utf-8")
-    (folder / "page.html").write_text(text.replace("</body>", _MEASURE + "</body>"), encoding="utf-8")
+    measure = _MEASURE.replace("ACT", act)
+    (folder / "page.html").write_text(text.replace("</body>", measure + "</body>"), encoding="utf-8")
     (folder / "frame.html").write_text(_FRAME.format(width=width, height=height), encoding="utf-8")
     log = folder / "net.json"
     command = [chromium(), "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",

@@ -101,7 +101,15 @@ def test_the_summary_sets_a_value_beside_what_is_asked_and_never_makes_one_up(ke
     table = value
     for name in reversed(names):
         table = {name: table}
-    row = next(row for row in summary_rows({section: table}) if row.key == key)
+    row = next(row for row in summary_rows({section: table}, synthetic=False) if row.key == key)
     assert (row.value, row.met, row.shown, row.asked) == (value, met, shown, asked)
-    others = [row for row in summary_rows({section: table, "walking": table}) if row.key != key]
+    made = next(row for row in summary_rows({section: table}, synthetic=True) if row.key == key)
+    assert made == dataclasses.replace(row, met=None, asked=None), "a virtual laboratory meets no criterion"
+    others = [row for row in summary_rows({section: table, "walking": table}, synthetic=False) if row.key != key]
     assert others and all(row.value is None and row.shown is None and row.met is None for row in others)
+
+
+def test_a_bench_that_the_foot_was_fitted_to_meets_no_criterion():
+    table = {"stiffness_r2": 0.999, "contact_on_bench": ["fitted to a bench"]}
+    row = next(row for row in summary_rows({"bench": table}, synthetic=False) if row.key == "bench/stiffness_r2")
+    assert (row.met, row.asked) == (None, None) and row.what.endswith("(fitted to a bench)")
