@@ -68,6 +68,9 @@ class _Margins(TightLayoutEngine):
             else:
                 right = min(right, extent.x0)
         self.set(rect=(0.0, low, right, 1.0))
+        for title in fig.texts if fig.get_suptitle() else ():
+            if title.get_text() == fig.get_suptitle():
+                title.set_y(1.0 - 0.08 / fig.get_figheight())  # inches, however high the figure is
         super().execute(fig)
 
 
