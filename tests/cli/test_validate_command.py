@@ -59,8 +59,8 @@ def files(folder):
 def test_quick_validation_says_on_its_first_line_what_is_synthetic_and_writes_everything(quick_validation):
     found = set(files(quick_validation))
     assert {"report.html", "replay.html", "validation.json", "validation.npz", "tables/summary.csv",
-            "figures/bench_curves.png", "figures/bench_curves.svg", "walks/medium_2/result.npz"} <= found
-    assert not any("unfinished" in name for name in found)
+            "figures/bench_curves.png", "walks/medium_2/result.npz"} <= found
+    assert not any("unfinished" in name or name.endswith(".svg") for name in found)
     table = read_json(quick_validation / "validation.json")
     assert table["first_line"].startswith("Walking data are SYNTHETIC")
     assert not [name for name, section in table["sections"].items() if section["failure"]]
@@ -216,10 +216,15 @@ def test_after_an_interruption_the_same_command_goes_on(run, tmp_path, one_secti
 
     words = ("validate", TRIAL, *WITH, "--out", tmp_path / "out")
     monkeypatch.setattr(running, "_SECTIONS", {"bench": make, "standing": Part(stopped, Found, 1.0)})
-    code, _, err = run(*words)
-    assert code == 130
+    code, out, err = run(*words)
+    assert code == 130 and "report.html can be opened; it grows" in out
     assert err.count("interrupted") == 1 and "the same command goes on" in err
     assert not (tmp_path / "out" / "validation.json").exists()
+    page = tmp_path / "out" / "report.html"
+    assert "Unfinished; still to come: standing." in page.read_text(encoding="utf-8")
+    code, _, err = run("report", tmp_path / "out")
+    assert code == 2 and "holds an unfinished run" in err
     monkeypatch.setattr(running, "_SECTIONS", {"bench": make})
-    assert run(*words)[0] == 0
+    code, out, _ = run(*words)
+    assert code == 0 and "Unfinished" not in page.read_text(encoding="utf-8")
     assert one_section["made"] == 1

@@ -43,7 +43,7 @@ def test_page_is_whole_html_that_loads_nothing_with_the_verdict_before_any_numbe
     assert reader.open == []
     for tag, attributes in reader.seen:
         assert tag not in ("link", "iframe")
-        assert attributes.get("src", "data:image/svg+xml;base64,").startswith("data:image/svg+xml;base64,")
+        assert attributes.get("src", "data:image/png;base64,").startswith("data:image/png;base64,")
     assert "http" not in re.sub(r"base64,[^\"]*", "", page)
     assert sum(tag == "img" for tag, _ in reader.seen) == 8, "of the held-out trial one open, one among all"
     assert re.findall(r"<h2>(.*?)</h2>", page) == ["Verdict", "What to do next"]

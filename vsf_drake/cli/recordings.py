@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vsf_drake.analysis.recording import motion_checks
 from vsf_drake.cli import app as cli
 from vsf_drake.cli.app import Contact, OptionalOut, Out, Trials, app, path, progress, read_trials
 from vsf_drake.errors import InputError, require
@@ -127,6 +126,8 @@ def check(trials: Trials, out: Out, contact: Contact = None) -> None:
 def _finish(kind: str, items: Sequence[Examined], failures: Mapping[str, str], out: Path, more: Sequence[str] = ()
             ) -> None:
     """Says how good each trial is and which files could not be used; exit code 2 if there are any of these."""
+    from vsf_drake.analysis.recording import motion_checks  # which imports what Drake would look through
+
     cli.print_text("recordings", items=items, to_do=motion_checks.TO_DO, more=more)
     cli.say(f"written to {out / kind}.html")
     for file, why in failures.items():

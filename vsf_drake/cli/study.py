@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vsf_drake.cli.app import Contact, Out, Seed, app, console, fail, interrupted, path, print_text, progress, say, warn
 from vsf_drake.errors import InputError, SimulationError
+
+if TYPE_CHECKING:
+    from vsf_drake.analysis.validation.run import Finished
 
 MOST_ISO_FORCE_N = 10_000.0  # beyond what any structural test presses a foot with (a choice)
 
@@ -25,6 +29,11 @@ def validate(
         parser=path, help="Measured load-displacement curves: CSV with fulcrum_mm, displacement_mm, load_n.")] = None,
     quick: Annotated[bool, typer.Option(
         "--quick", help="The short form: one embedded walk a setting, coarser steps, small samples.")] = False,
+    full: Annotated[bool, typer.Option(
+        "--full", help="With what takes longest: which settings can be told apart, sensitivity, energies in finer "
+                       "steps. Of the embedded trials the first two come with the package.")] = False,
+    recompute: Annotated[bool, typer.Option(
+        "--recompute", help="Compute all of --full, also what comes with the package.")] = False,
     seed: Seed = 0,
     workers: Annotated[int | None, typer.Option(
         help="Processes for many walks; default one a core. The numbers do not depend on it.", min=1)] = None,
@@ -34,16 +43,26 @@ def validate(
     """The paper's study and more, as one report: bench, standing, walking, energy, roll-over, sensitivity."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis import validation
-    from vsf_drake.analysis.validation.run import NAMES, SectionStore, first_line, run_sections, validation_content
+    from vsf_drake.analysis.validation.run import (
+        NAMES,
+        SHIPPED,
+        SectionStore,
+        first_line,
+        run_sections,
+        shipped_key,
+        validation_content,
+    )
+    from vsf_drake.files import resource
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.validation.output import UNFINISHED, VALIDATION, write_validation
+    from vsf_drake.report.validation.output import UNFINISHED, VALIDATION, write_unfinished, write_validation
 
     VALIDATION.check(out)
     if iso_force_n is not None and not 0.0 < iso_force_n <= MOST_ISO_FORCE_N:
         raise InputError(f"{iso_force_n:g} N is no force of a structural test of feet", where="--iso-force-n",
                          right=f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}")
-    options = validation.StudyOptions(quick=quick, seed=seed, workers=workers, iso_force_n=iso_force_n)
-    exact = None
+    options = validation.StudyOptions(quick=quick, full=full or recompute, seed=seed, workers=workers,
+                                      iso_force_n=iso_force_n)
+    exact, shipped = None, None
     with progress() as show:
         if trials:
             study = validation.make_study(trials, contact=contact, bench=bench, options=options, progress=show)
@@ -54,10 +73,20 @@ def validate(
             if contact is None and not quick:
                 exact = validation.make_study(validation.embedded_trials("exact"), options=options, progress=show,
                                               contact=validation.embedded_contact("exact"))
+                shipped = None if recompute else SectionStore(resource(SHIPPED), shipped_key(study))
     console.print(first_line(study))
+    said: list[Path] = []
+
+    def grown(finished: Mapping[str, Finished], to_come: list[str]) -> None:
+        page = write_unfinished(*validation_content(study, finished, exact=exact), out, to_come=to_come)
+        if not said:
+            say(f"{page} can be opened; it grows until this command ends")
+        said.append(page)
+
     try:
         with progress() as show:
-            finished = run_sections(study, exact=exact, folder=out / UNFINISHED, progress=show)
+            finished = run_sections(study, exact=exact, folder=out / UNFINISHED, shipped=shipped, grown=grown,
+                                    progress=show)
             show("writing the report", 0.99)
             written = write_validation(*validation_content(study, finished, exact=exact), out, study=study)
     except KeyboardInterrupt:
@@ -77,6 +106,7 @@ def validate(
 def report(
     folder: Annotated[Path, typer.Argument(
         parser=path, help="Folder that `validate`, `tune` or `schedule` wrote with --out.")],
+    svg: Annotated[bool, typer.Option("--svg", help="Figures as SVG too, beside the PNG.")] = False,
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
     from vsf_drake.report.results_folder import PAGE
@@ -84,6 +114,6 @@ def report(
     from vsf_drake.report.validation.output import VALIDATION
 
     kind = next((kind for kind in (TUNING, SCHEDULE) if (folder / kind.table).is_file()), VALIDATION)
-    for sentence in kind.remake(folder):
+    for sentence in kind.remake(folder, svg=svg):
         warn(sentence)
     say(f"written to {folder / PAGE}")

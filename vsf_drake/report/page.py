@@ -1,14 +1,13 @@
 """Pages of results: Jinja2 templates in `report/templates`, filled with numbers and decisions.
 
 `render` fills any template. A page of chapters has a template for each `Chapter`, and leaves a CSV file for every table
-and a PNG and an SVG for every figure that its templates show.
+and a PNG, on request an SVG too, for every figure that its templates show.
 """
 
 from __future__ import annotations
 
 import base64
 import csv
-import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,12 +16,11 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from vsf_drake.errors import InputError, raise_if_interrupted
 from vsf_drake.files import csv_cells, replaced
-from vsf_drake.report.style import save_figure, style
+from vsf_drake.report.style import png, save_figure
 
 FIGURES, TABLES = "figures", "tables"  # folders of the files of chapters
 UNKNOWN = "–"
@@ -80,13 +78,9 @@ def span(values: Iterable[float | None], form: str) -> str:
 
 
 def data_uri(figure: Figure | bytes) -> str:
-    """A figure, or its SVG, as an image within the page; its letters are drawn as paths, so that no font is needed."""
-    if isinstance(figure, Figure):
-        stream = io.BytesIO()
-        with style(), rc_context({"svg.fonttype": "path"}):
-            figure.savefig(stream, format="svg", metadata={"Date": None})
-        figure = stream.getvalue()
-    return f"data:image/svg+xml;base64,{base64.b64encode(figure).decode('ascii')}"
+    """A figure, or its PNG, as an image within the page."""
+    figure = png(figure) if isinstance(figure, Figure) else figure
+    return f"data:image/png;base64,{base64.b64encode(figure).decode('ascii')}"
 
 
 @dataclass(frozen=True)
@@ -138,9 +132,9 @@ def made_chapter(name: str, title: str, make: Callable[[], Chapter], lenient: bo
 class ShownChapter:
     """A chapter in HTML, the paths of its figures and tables within `folder`, and what is not there, in sentences."""
 
-    def __init__(self, chapter: Chapter, folder: Path | None, *, lenient: bool) -> None:
+    def __init__(self, chapter: Chapter, folder: Path | None, *, lenient: bool, svg: bool) -> None:
         self.name, self.title, self.files, self.missing = chapter.name, chapter.title, set[Path](), list[str]()
-        self._chapter, self._folder, self._lenient = chapter, folder, lenient
+        self._chapter, self._folder, self._lenient, self._svg = chapter, folder, lenient, svg
         above = Markup("").join(map(self._missing, chapter.missing))
         given = {**chapter.facts, "table": self._table, "figure": self._figure, "missing": self._missing}
         self.html = above + (self._tried("what the results hold of it", lambda: render(chapter.template, **given))
@@ -189,9 +183,10 @@ class ShownChapter:
         def make() -> Markup:
             figure: Figure | bytes = self._chapter.figures[name]
             if self._folder is not None:
-                paths = save_figure(self._chapter.figures[name], self._folder / FIGURES / name, letters="path")
+                paths = save_figure(self._chapter.figures[name], self._folder / FIGURES / name, svg=self._svg,
+                                    letters="path")
                 self.files |= {path.relative_to(self._folder) for path in paths}
-                figure = paths[1].read_bytes()
+                figure = paths[0].read_bytes()
             shown: Markup = _macros.figure(figure, _one_line(alt), _one_line("", caller), _one_line(title))
             return shown
 
@@ -200,7 +195,7 @@ class ShownChapter:
 
 def chapter_page(
     chapters: Sequence[Chapter], *, title: str, first_line: str, synthetic: bool, alarm: str = "",
-    folder: Path | None = None, lenient: bool = False
+    folder: Path | None = None, lenient: bool = False, svg: bool = False
 ) -> tuple[Markup, list[ShownChapter]]:
     """The page, and its chapters as they are shown.
 
@@ -208,12 +203,13 @@ def chapter_page(
         first_line: what is measured and what is not, in plain text.
         alarm: why nothing on the page may be taken for a result; red, above everything else.
         folder: an existing one, for the files of figures and tables.
+        svg: whether figures lie there as SVG too.
         lenient: whether what cannot be shown is named in its place instead of raising: of another version, or edited.
     """
     if folder is not None:
         for name in (FIGURES, TABLES):
             (folder / name).mkdir(exist_ok=True)
-    shown = [ShownChapter(chapter, folder, lenient=lenient) for chapter in chapters]
+    shown = [ShownChapter(chapter, folder, lenient=lenient, svg=svg) for chapter in chapters]
     return render("chapters.html.j2", title=title, first_line=first_line, synthetic=synthetic, alarm=alarm,
                   chapters=shown), shown
 

@@ -78,10 +78,19 @@ class ResultsFolder:
             write_json(folder / self.table, written, sort=not self.show)
         return written
 
+    def write_unfinished(self, out: str | Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Path:
+        """Writes the page of what there is so far, which says so; its table, by which it could be read as results, is
+        not there. What an earlier run left goes. Returns the page's path."""
+        with result_folder(out, self.kind, stale=(*self.stale, *CHAPTERS, self.table, self.arrays)) as folder:
+            self._write_page(folder, folder, table, arrays, lenient=False)
+        return Path(out) / PAGE
+
     def read(self, folder: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """Table and arrays that `write` left; they must belong together."""
         path, right = Path(folder) / self.table, f"Name the folder that `vsf-drake {self.command} --out` wrote"
         again = f"Run `vsf-drake {self.command}` again"
+        if not path.exists() and self.unfinished(Path(folder)):
+            raise InputError("holds an unfinished run", file=folder, right=f"{again}: it goes on from there")
         table = read_json(path, right=right, damaged=again)
         if not self.known(table):
             raise InputError(f"is not the table of a {self.kind}", file=path, right=right)
@@ -97,13 +106,14 @@ class ResultsFolder:
                              right=again)
         return table, {name.replace("__", "/", 1): a for name, a in read_npz(arrays, right=again).items()}
 
-    def remake(self, folder: str | Path) -> list[str]:
-        """Makes page, figures and tables again of what is saved; returns what could not be shown, in sentences."""
+    def remake(self, folder: str | Path, *, svg: bool = False) -> list[str]:
+        """Makes page, tables and figures (`svg`: as SVG too) again of what is saved; returns what could not be shown,
+        in sentences."""
         out = Path(folder)
         table, arrays = self.read(out)
         with result_folder(out, self.kind, add=True) as temporary:
             try:
-                files, missing = self._write_page(temporary, out, table, arrays, lenient=True)
+                files, missing = self._write_page(temporary, out, table, arrays, lenient=True, svg=svg)
             except (LookupError, TypeError, ValueError, AttributeError, UndefinedError) as error:
                 raise InputError(f"is damaged ({type(error).__name__}: {error})", file=out / self.table,
                                  right=f"Run `vsf-drake {self.command}` again") from None
@@ -126,11 +136,11 @@ class ResultsFolder:
             return self.damaged_too
 
     def _write_page(self, folder: Path, out: Path, table: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *,
-                    lenient: bool) -> tuple[set[Path], list[str]]:
+                    lenient: bool, svg: bool = False) -> tuple[set[Path], list[str]]:
         """Page, figures and tables into `folder`; paths of these in it, and what is missing in sentences."""
         assert self.show is not None
         page, shown = chapter_page(**self.show(table, arrays, folder=out, lenient=lenient), folder=folder,
-                                   lenient=lenient)
+                                   lenient=lenient, svg=svg)
         write_text(folder / PAGE, page)
         return (set().union(*(chapter.files for chapter in shown)),
                 [f"{chapter.title}: {sentence}" for chapter in shown for sentence in chapter.missing])

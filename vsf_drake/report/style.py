@@ -6,6 +6,7 @@ that the order survives grey print. Nothing global changes and no display is nee
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -50,7 +51,7 @@ def style() -> AbstractContextManager[None]:
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure (inches) that needs no display."""
-    figure = Figure(figsize=(width, height), layout=_Margins(pad=0.9, w_pad=1.6, h_pad=1.3))
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout=_Margins(pad=0.9, w_pad=1.6, h_pad=1.3))
     FigureCanvasAgg(figure)
     return figure
 
@@ -137,16 +138,25 @@ class _Digits(LogFormatter):
         return f"{x:g}" if super().__call__(x, pos) else ""
 
 
-def save_figure(figure: Figure, stem: str | Path, *, letters: str = "none") -> tuple[Path, Path]:
-    """Writes `stem`.png and `stem`.svg, the same bytes for the same figure; returns their paths.
+def png(figure: Figure) -> bytes:
+    """The figure as an image, the same bytes for the same figure."""
+    stream = io.BytesIO()
+    figure.set_dpi(DOTS_PER_INCH)
+    with style():  # not `savefig`, which draws twice
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.print_png(stream, metadata={"Software": None}, pil_kwargs={"compress_level": 3})
+    return stream.getvalue()
+
+
+def save_figure(figure: Figure, stem: str | Path, *, svg: bool = True, letters: str = "none") -> tuple[Path, ...]:
+    """Writes `stem`.png and with `svg` `stem`.svg, the same bytes for the same figure; returns their paths.
 
     `letters` of the SVG are as Matplotlib's `svg.fonttype` has them: "none" is text, "path" needs no font.
     """
-    stem = Path(stem)
-    png, svg = stem.with_name(stem.name + ".png"), stem.with_name(stem.name + ".svg")
-    with style(), rc_context({"svg.fonttype": letters}):
-        with replaced(png, "wb") as stream:
-            figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
-        with replaced(svg, "wb") as stream:
+    paths = [path.with_name(path.name + end) for path, end in ((Path(stem), ".png"), (Path(stem), ".svg"))]
+    with replaced(paths[0], "wb") as stream:
+        stream.write(png(figure))
+    if svg:
+        with style(), rc_context({"svg.fonttype": letters}), replaced(paths[1], "wb") as stream:
             figure.savefig(stream, format="svg", metadata={"Date": None})
-    return png, svg
+    return tuple(paths if svg else paths[:1])

@@ -10,7 +10,7 @@ import pytest
 from made_study import embedded_study
 
 from vsf_drake.analysis.validation import run as running
-from vsf_drake.analysis.validation.run import Part, SectionStore, study_key, summary_rows
+from vsf_drake.analysis.validation.run import Finished, Part, SectionStore, shipped_key, study_key, summary_rows
 from vsf_drake.analysis.validation.study import Section
 
 
@@ -28,9 +28,10 @@ SECTION = Section(table=Found(0.025), arrays={"curve": np.array([0.1, np.nan, 1.
 
 def test_a_kept_section_comes_back_bit_for_bit_and_no_other_or_damaged_one(tmp_path):
     store = SectionStore(tmp_path / "kept", "key")
-    store.write("walking", SECTION, 1.5)
-    section, wall_s = store.read("walking", Found)
-    assert (section.table, section.missing, wall_s) == (SECTION.table, SECTION.missing, 1.5)
+    store.write("walking", Finished(section=SECTION, wall_s=1.5))
+    kept = store.read("walking", Found)
+    section = kept.section
+    assert (section.table, section.missing, kept.wall_s) == (SECTION.table, SECTION.missing, 1.5)
     np.testing.assert_array_equal(section.arrays["curve"], SECTION.arrays["curve"])
     assert SectionStore(tmp_path / "kept", "other").read("walking", Found) is None
     assert store.read("bench", Found) is None and store.read("walking", Part) is None
@@ -42,11 +43,11 @@ def test_a_kept_section_comes_back_bit_for_bit_and_no_other_or_damaged_one(tmp_p
 
 def test_what_is_kept_is_taken_away_and_nothing_else(tmp_path):
     store = SectionStore(tmp_path / "kept", "key")
-    store.write("walking", SECTION, 1.5)
+    store.write("walking", Finished(section=SECTION, wall_s=1.5))
     (tmp_path / "kept" / ".walking.npz.x1.part").write_bytes(b"PK")
     store.remove(["walking"])
     assert not (tmp_path / "kept").exists()
-    store.write("walking", SECTION, 1.5)
+    store.write("walking", Finished(section=SECTION, wall_s=1.5))
     (tmp_path / "kept" / "thesis.txt").write_text("mine")
     store.remove(["walking"])
     assert [path.name for path in (tmp_path / "kept").iterdir()] == ["thesis.txt"]
@@ -85,6 +86,51 @@ def test_an_interrupted_validation_goes_on_where_it_stopped_and_tells_its_progre
     assert count == {"first": 1, "second": 2}
     assert [finished[name].section.table for name in count] == [SECTION.table, Found(0.5)]
     assert seen == [("first: starting", 0.0), ("first: half", 0.125), ("second: starting", 0.25)]
+
+
+def test_long_sections_are_computed_on_request_or_shown_as_shipped_where_the_key_fits(tmp_path, monkeypatch):
+    """With a date where they come with the package; what does not fit is computed in the full form, else left out."""
+    def short(study, *, progress=None):
+        return SECTION
+
+    def long(study, *, progress=None):
+        return Section(table=Found(0.5))
+
+    monkeypatch.setattr(running, "_SECTIONS", {
+        "short": Part(short, Found, 1.0), "long": Part(long, Found, 9.0, full=True)})
+    study, grown = embedded_study(), []
+    full = dataclasses.replace(study, options=dataclasses.replace(study.options, full=True))
+    key = shipped_key(study)
+    assert key == shipped_key(full) != shipped_key(dataclasses.replace(study, inputs={}))
+    SectionStore(tmp_path, key).write("long", Finished(section=SECTION, wall_s=99.0))
+
+    def found(study, key):
+        finished = running.run_sections(study, shipped=SectionStore(tmp_path, key),
+                                        grown=lambda done, to_come: grown.append(([*done], to_come)))
+        return {name: one.section.table.error_bw for name, one in finished.items()}, finished
+
+    assert found(study, "other")[0] == {"short": 0.025} and found(full, "other")[0] == {"short": 0.025, "long": 0.5}
+    shown, finished = found(study, key)
+    assert shown == {"short": 0.025, "long": 0.025}
+    assert grown == [(["short"], ["long"])]
+    content, _ = running.validation_content(study, finished)
+    assert "Computed on 20" in content.sections["long"].missing[0] and content.sections["short"].missing == ("No CoP.",)
+
+
+@pytest.mark.parametrize(("file", "text", "same"), [
+    ("law.py", "def f(x):\n    \'\'\'Other words.\'\'\'\n    return  x + 1  # another comment\n", True),
+    ("law.py", "def f(x):\n    return x + 2\n", False),
+    ("other.py", "y = 2\n", True)])
+def test_the_digest_of_sources_is_of_what_is_imported_and_does(tmp_path, monkeypatch, file, text, same):
+    package = tmp_path / "vsf_drake"
+    package.mkdir()
+    (package / "section.py").write_text("from vsf_drake.law import f\n", encoding="utf-8")
+    (package / "law.py").write_text('def f(x):\n    """Words."""\n    return x + 1\n', encoding="utf-8")
+    (package / "other.py").write_text("y = 1\n", encoding="utf-8")
+    monkeypatch.setattr(running, "_PACKAGE", package)
+    before = running._sources_sha256([package / "section.py"])
+    (package / file).write_text(text, encoding="utf-8")
+    assert (running._sources_sha256([package / "section.py"]) == before) is same
 
 
 @pytest.mark.parametrize(("key", "value", "met", "shown", "asked"), [

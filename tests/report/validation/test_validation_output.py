@@ -83,11 +83,11 @@ def test_page_figures_tables_and_numbers_are_written(tmp_path):
     out = tmp_path / "out"
     write_validation(content(), ARRAYS, out)
     assert {path.relative_to(out).as_posix() for path in out.rglob("[!.]*") if path.is_file()} == {
-        "validation.json", "validation.npz", "report.html", "figures/force.png", "figures/force.svg",
+        "validation.json", "validation.npz", "report.html", "figures/force.png",
         "tables/errors.csv", "tables/summary.csv", "tables/trials.csv", "tables/times.csv", "tables/files.csv"}
     shown = (out / "report.html").read_text(encoding="utf-8")
     for words in ("Error 0.333 BW.", "No CoP was measured.", "low_9 is not among the results",
-                  "These results have no such section."):
+                  "Not among these results"):
         assert words in shown
 
 
@@ -161,7 +161,7 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_rest_of_its_chapter(tmp_path, 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda table: table["sections"].update(walking=3), "These results have no such section."),
+        (lambda table: table["sections"].update(walking=3), "Not among these results"),
         (lambda table: table["sections"]["walking"].update(missing=None), "Error 0.333 BW."),
         (lambda table: table.update(notes=None, title=None), "<h1>Validation</h1>"),
         (lambda table: table.pop("first_line"), "do not say whether their data are measured or synthetic"),

@@ -32,9 +32,9 @@ from vsf_drake.sentences import say
 from vsf_drake.simulation.bench import PUBLISHED_FULCRUMS_M
 from vsf_drake.simulation.walk import Walker
 
-STEPS_S = {False: (1.25e-4, 2.5e-4, 5e-4, 2e-3), True: (1e-3, 2e-3, 2e-3, 2e-3)}
-"""By `quick`: steps of the walks that are reported, of their coarser twins, of the walks at other positions, and of the
-search for those with the same load."""
+STEPS_S = {"full": (1.25e-4, 2.5e-4, 5e-4, 2e-3), "": (2.5e-4, 5e-4, 1e-3, 2e-3), "quick": (1e-3, 2e-3, 2e-3, 2e-3)}
+"""By the form of the study: steps of the walks that are reported, of their coarser twins, of the walks at other
+positions, and of the search for those with the same load."""
 ASKED_SHARE = 0.01
 """Of the stored energy within which the ledger has to close."""
 SPREAD = ("stored_j", "returned_j", "return_ratio", "lost_j", "distal_peak_w", "distal_lowest_w")
@@ -118,7 +118,8 @@ def energy_section(study: Study, *, progress: Progress | None = None) -> Section
     Arrays: `percent` (201,), `terms_j` (rows, len(terms), 201) by `terms`, `pylon_power_w` and `shank_power_w`
     (rows, 200).
     """
-    fine, coarse_step, moved, search = STEPS_S[study.options.quick]
+    fine, coarse_step, moved, search = STEPS_S[
+        "quick" if study.options.quick else "full" if study.options.full else ""]
     positions = reached(study.model.foot, PUBLISHED_FULCRUMS_M)
     own = [EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=walk.trial.fulcrum_m, step_s=step)
            for step in (fine, coarse_step) for walk in study.walks]

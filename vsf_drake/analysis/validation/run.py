@@ -5,15 +5,17 @@ What is finished survives an interruption.
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import hashlib
+import inspect
 import math
 import time
 from collections.abc import Callable, Container, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -42,6 +44,8 @@ if TYPE_CHECKING:
 
 EXACT = "walking_exact"
 """The walking section of a second study: the same walks without errors of measurement."""
+SHIPPED = "data/validation"
+"""Sections of the full form of the embedded study, as `studies/ship_validation.py` makes them."""
 
 
 class Part(NamedTuple):
@@ -50,15 +54,17 @@ class Part(NamedTuple):
     make: Callable[..., Section[object]]
     table: type
     about_s: float  # which only the progress depends on
+    full: bool = False  # whether only the full form computes it
 
 
-_SECTIONS = {
-    "bench": Part(bench_section, BenchSectionTable, 10.0), "standing": Part(standing_section, StoodTable, 10.0),
-    "walking": Part(walking_section, WalkingTable, 20.0), "energy": Part(energy_section, EnergyTable, 30.0),
-    "roll_over": Part(roll_over_section, RollOverTable, 30.0),
-    "settings": Part(settings_section, SettingsTable, 90.0),
-    "sensitivity": Part(sensitivity_section, SensitivityTable, 180.0)}
+_SECTIONS = {  # what a page needs first comes first
+    "walking": Part(walking_section, WalkingTable, 20.0), "bench": Part(bench_section, BenchSectionTable, 5.0),
+    "energy": Part(energy_section, EnergyTable, 30.0), "standing": Part(standing_section, StoodTable, 5.0),
+    "roll_over": Part(roll_over_section, RollOverTable, 20.0),
+    "settings": Part(settings_section, SettingsTable, 90.0, full=True),
+    "sensitivity": Part(sensitivity_section, SensitivityTable, 180.0, full=True)}
 NAMES = (*_SECTIONS, EXACT)
+LONG = tuple(name for name, part in _SECTIONS.items() if part.full)
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 
@@ -74,21 +80,34 @@ class Finished:
     section: Section[object] | None
     wall_s: float
     failure: str = ""
+    computed: str = ""  # the date, of one that comes with the package
 
 
 def run_sections(
-    study: Study, *, exact: Study | None = None, folder: str | Path | None = None, progress: Progress | None = None
+    study: Study, *, exact: Study | None = None, folder: str | Path | None = None, shipped: SectionStore | None = None,
+    names: Container[str] | None = None,
+    grown: Callable[[Mapping[str, Finished], list[str]], None] | None = None, progress: Progress | None = None
 ) -> dict[str, Finished]:
-    """Every section of the validation, by name, and of `exact`, the same walks without errors of measurement.
+    """Every section of the validation, or `names`, and of `exact`, the same walks without errors of measurement.
 
     A section that fails (a bench that gives way, a simulation that diverges) is named with the reason and stops no
-    other. Finished sections are kept in `folder`, so that an interrupted run of the same study goes on.
+    other. Finished sections are kept in `folder`, so that an interrupted run of the same study goes on; those of the
+    full form may come from `shipped`. `grown` is called with what is finished and what is to come, after each section
+    but the last that was computed.
     """
-    plan = [(name, part, study) for name, part in _SECTIONS.items()]
+    finished: dict[str, Finished] = {}
+    plan: list[tuple[str, Part, Study]] = []
+    for name, part in ((name, part) for name, part in _SECTIONS.items()
+                       if names is None or name in names):
+        stored = shipped.read(name, part.table) if shipped and part.full else None
+        if stored is not None:
+            finished[name] = stored
+        elif study.options.full or not part.full:
+            plan.append((name, part, study))
     if exact is not None:
         plan.append((EXACT, _SECTIONS["walking"], exact))
-    total, before, finished = sum(part.about_s for _, part, _ in plan), 0.0, {}
-    for name, part, own in plan:
+    total, before = sum(part.about_s for _, part, _ in plan), 0.0
+    for i, (name, part, own) in enumerate(plan):
         def show(what: str, fraction: float, name: str = name, before: float = before, part: Part = part) -> None:
             if progress:
                 share = part.about_s * min(max(fraction, 0.0), 1.0)
@@ -96,9 +115,9 @@ def run_sections(
 
         before += part.about_s
         store = None if folder is None else SectionStore(Path(folder), study_key(own))
-        earlier: tuple[Section[object], float] | None = store.read(name, part.table) if store else None
+        earlier = store.read(name, part.table) if store else None
         if earlier is not None:
-            finished[name] = Finished(section=earlier[0], wall_s=earlier[1])
+            finished[name] = replace(earlier, computed="")
             continue
         show("starting", 0.0)
         began = time.perf_counter()
@@ -108,26 +127,70 @@ def run_sections(
         except (InputError, SimulationError, FitError) as error:
             failure = str(error)
         finished[name] = Finished(section=section, wall_s=time.perf_counter() - began, failure=failure)
-        if store and section is not None:
-            store.write(name, section, finished[name].wall_s)
+        if store:
+            store.write(name, finished[name])
+        if grown and i + 1 < len(plan):
+            show("writing the page", 1.0)
+            grown(finished, [name for name, _, _ in plan[i + 1:]])
     return finished
 
 
 def study_key(study: Study) -> str:
     """Of all that a section's numbers depend on: files, contact, options, software; not the number of workers."""
-    options = to_plain(study.options)
-    options.pop("workers", None)
     sources = hashlib.sha256()
     for file in sorted((_PACKAGE / "analysis").rglob("*.py")):
         sources.update(f"\0{file.relative_to(_PACKAGE).as_posix()}\0".encode() + file.read_bytes())
     return digest({
-        "inputs": dict(study.inputs), "walks": [(walk.label, walk.role) for walk in study.walks],
-        "failed": [list(pair) for pair in study.failed], "options": options, "model": to_plain(study.model),
-        "contact": None if study.contact is None else study.contact.values, "bench_problem": study.bench_problem,
-        "software": software(), "spm1d": find_spec("spm1d") is not None, "analysis_sha256": sources.hexdigest()})
+        **_given(study), "full": study.options.full, "software": software(),
+        "spm1d": find_spec("spm1d") is not None, "analysis_sha256": sources.hexdigest()})
 
 
-Kept = TypeVar("Kept", bound="DataclassInstance")
+def shipped_key(study: Study) -> str:
+    """Of all that numbers of the full form that come with the package depend on: files, contact, options, and what the
+    sources say, on any machine and with any version of others' packages."""
+    return digest({**_given(study), "sources": _sources_sha256(
+        [Path(inspect.getfile(part.make)) for part in _SECTIONS.values() if part.full])})
+
+
+def _given(study: Study) -> dict[str, object]:
+    return {"inputs": dict(study.inputs), "walks": [(walk.label, walk.role) for walk in study.walks],
+            "failed": [list(pair) for pair in study.failed], "model": to_plain(study.model),
+            "options": {name: value for name, value in to_plain(study.options).items() if name not in (
+                "workers", "full")},
+            "contact": None if study.contact is None else study.contact.values, "bench_problem": study.bench_problem}
+
+
+def _sources_sha256(files: Iterable[Path]) -> str:
+    """Of what files of this package do, and all that they import of it, however far: not of comments, docstrings and
+    format, and the same with any version of Python."""
+    said: dict[str, str] = {}
+    waiting, seen = [*files], {*files}
+    while waiting:
+        path = waiting.pop()
+        tree, names = ast.parse(path.read_text(encoding="utf-8")), set()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                within = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+                names |= {within + alias.name for alias in node.names}
+            elif isinstance(getattr(node, "body", None), list):
+                node.body = [line for line in node.body  # type: ignore[attr-defined]
+                             if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))]
+        said[path.relative_to(_PACKAGE.parent).as_posix()] = _said(tree)
+        stems = {_PACKAGE.parent.joinpath(*name.split(".")[:n + 1])
+                 for name in names for n in range(name.count(".") + 1)}
+        new = {file for stem in stems for file in (stem.with_suffix(".py"), stem / "__init__.py")
+               if file.is_relative_to(_PACKAGE) and file.is_file()} - seen
+        waiting, seen = [*waiting, *new], seen | new
+    return hashlib.sha256("\0".join(f"{name} {text}" for name, text in sorted(said.items())).encode()).hexdigest()
+
+
+def _said(node: object) -> str:
+    """A syntax tree in text, without empty fields, of which versions of Python have more and fewer."""
+    if isinstance(node, ast.AST):
+        fields = ((name, getattr(node, name, None)) for name in node._fields)
+        said = (f"{name} {_said(value)}" for name, value in fields if value not in (None, []))
+        return f"{type(node).__name__}({','.join(said)})"
+    return f"[{','.join(map(_said, node))}]" if isinstance(node, list) else repr(node)
 
 
 class SectionStore:
@@ -137,8 +200,8 @@ class SectionStore:
     def __init__(self, folder: Path, key: str) -> None:
         self.folder, self.key = folder, key
 
-    def read(self, name: str, table: type[Kept]) -> tuple[Section[Kept], float] | None:
-        """The section and how long it took (s); None if it is not there, damaged, or of another key."""
+    def read(self, name: str, table: type[DataclassInstance]) -> Finished | None:
+        """The section; None if it is not there, damaged, or of another key."""
         path = self.folder / f"{name}.json"
         try:
             saved = read_json(path)
@@ -146,20 +209,23 @@ class SectionStore:
                 return None
             section = Section(table=record(table, saved["table"]), arrays=read_npz(path.with_suffix(".npz")),
                               missing=tuple(saved["missing"]))
-            return section, float(saved["wall_s"])
+            return Finished(section=section, wall_s=float(saved["wall_s"]), computed=str(saved["computed"]))
         except (ValueError, TypeError, KeyError, InputError):
             return None
 
-    def write(self, name: str, section: Section[object], wall_s: float) -> None:
-        """Keeps a finished section; InputError if the folder cannot be written."""
-        arrays = self.folder / f"{name}.npz"
+    def write(self, name: str, finished: Finished) -> None:
+        """Keeps a section that did not fail; InputError if the folder cannot be written."""
+        arrays, section = self.folder / f"{name}.npz", finished.section
+        if section is None:
+            return
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             with replaced(arrays, "wb", lasting=True) as stream:
                 np.savez_compressed(stream, allow_pickle=False, **section.arrays)
             write_json(self.folder / f"{name}.json", {
-                "key": self.key, "table": plain(section.table), "missing": list(section.missing), "wall_s": wall_s,
-                "arrays_sha256": sha256(arrays)}, sort=False)
+                "key": self.key, "computed": time.strftime("%Y-%m-%d", time.gmtime()), "wall_s": finished.wall_s,
+                "table": plain(section.table), "missing": list(section.missing), "arrays_sha256": sha256(arrays)},
+                sort=False)
         except OSError as error:
             raise InputError(f"cannot be written ({error.strerror or error})", file=self.folder) from None
 
@@ -254,8 +320,10 @@ def validation_content(
         verdict=tuple(say("validation", "verdict", walking=found.get("walking"), bench=found.get("bench"),
                           unmet=[row.what for row in summary if row.met is False])),
         synthetic=study.synthetic, sections={
-            name: SavedSection(table=section.table if section else None, missing=section.missing if section else (),
-                               wall_s=finished[name].wall_s, failure=finished[name].failure)
+            name: SavedSection(
+                table=section.table if section else None, wall_s=finished[name].wall_s, failure=finished[name].failure,
+                missing=(*say("validation", "shipped", date=finished[name].computed),
+                         *(section.missing if section else ())))
             for name, section in sections.items()},
         options=to_plain(study.options) | {"step_s": study.options.step_s},
         contact=say("validation", "contact", contact=study.contact, name=study.contact_name)[0], failed=study.failed,

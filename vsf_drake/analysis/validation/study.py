@@ -42,6 +42,7 @@ class StudyOptions:
     """How much of the validation is done, and how."""
 
     quick: bool = False  # the short form: fewer walks, coarser steps, small samples
+    full: bool = False  # with the sections that take longest, and energies in finer steps
     seed: int = 0  # of all that is random
     workers: int | None = None  # processes for many walks; None for one a core. The numbers do not depend on it
     iso_force_n: float | None = None  # largest of the ISO 22675 loading profile; None for the subject's weight

@@ -48,7 +48,8 @@ def make_chapters(
         if not isinstance(section, Mapping):
             if name == "walking_exact":  # only of the embedded trials
                 continue
-            why = ["These results have no such section."]
+            why = ["Still to come." if content.get("to_come") else
+                   "Not among these results; `vsf-drake validate --full` computes it."]
         elif section.get("failure") or section.get("table") is None:
             why = [f"This could not be computed: {section.get('failure') or 'unknown'}"]
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import Arrays, save_figure
 from vsf_drake.report.validation.chapters import Content, make_chapters
+from vsf_drake.sentences import say
 from vsf_drake.simulation.results import save_walk
 
 FORMAT = 1
@@ -32,6 +34,7 @@ def _show(table: Content, arrays: Arrays, *, folder: Path, lenient: bool) -> dic
         notes.append(f"{REPLAY} is not there any more; making it again needs the walks: `vsf-drake validate`.")
     content = {**table, "notes": notes, "replay_file": REPLAY if replayed else None}
     return {"chapters": make_chapters(content, arrays, tables(), lenient=lenient),
+            "alarm": say("validation", "unfinished", to_come=table["to_come"])[0] if table.get("to_come") else "",
             "title": str(table.get("title") or "Validation"),
             "first_line": str(table.get("first_line") or NO_FIRST_LINE),
             "synthetic": bool(table.get("synthetic", True))}
@@ -63,6 +66,12 @@ def write_validation(
     return VALIDATION.write(out, {**plain(content), "kind": "validation", "format": FORMAT}, arrays, **more)
 
 
+def write_unfinished(content: Validation, arrays: Arrays, out: Path, *, to_come: Sequence[str]) -> Path:
+    """Writes the page of a validation of which sections are still to come, marked as such; returns its path."""
+    return VALIDATION.write_unfinished(out, {
+        **plain(content), "format": FORMAT, "to_come": [name.replace("_", " ") for name in to_come]}, arrays)
+
+
 def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
     """Result, metrics and figure of each walk, and the replay of the study's shown one."""
     taken: list[str] = []
@@ -74,7 +83,7 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
         own = folder / WALKS / name
         own.mkdir(parents=True)
         save_walk(walk.result, own)
-        save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, walk.metrics), own / "walk")
+        save_figure(walk_figure(walk.result, walk.recorded.prosthetic_plate, walk.metrics), own / "walk", svg=False)
         write_json(own / "metrics.json", {**plain(walk.metrics), "role": walk.role, "warnings": walk.warnings,
                                           "notes": walk.result.notes})
     shown = study.shown
