@@ -145,8 +145,10 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
     low, high = np.array(SPHERE[:3]), np.array(LOADED)
     for j, index in enumerate(person.foot.sites.body_indices):
         path = f"{WALK}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
-        for i, load in enumerate(frames.sphere_load[:, j]):
-            animation.SetProperty(i, path, "material.color", list(low + load * (high - low)))
+        load = frames.sphere_load[:, j]
+        changed = (np.diff(load, prepend=2.0) != 0.0) | (np.diff(load, append=2.0) != 0.0)
+        for frame in np.flatnonzero(changed).tolist():
+            animation.SetProperty(frame, path, "material.color", list(low + load[frame] * (high - low)))
     animation.set_repetitions(ENDLESS)
     return animation
 
