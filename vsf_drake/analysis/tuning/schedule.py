@@ -145,9 +145,9 @@ class TaskSetting(Described):
     trials: tuple[str, ...] = ()
     recorded_mm: tuple[float, ...] = ()  # where the fulcrum stood in each
     sweep: CostCurve = CostCurve()
-    rest: float | None = None  # the cost at its own setting, without terms that only hold to the recording
-    rest_common: float | None = None  # and at the one for all
-    held_from_mm: float | None = None  # where that cost is least, if those terms make the task's optimum
+    rest: float | None = None  # the least cost by itself: without terms that only hold to the recording
+    rest_common: float | None = None  # and at `Schedule.rest_common_mm`
+    held_from_mm: float | None = None  # where the cost by itself is least, if those terms make the task's optimum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,6 +157,7 @@ class Schedule:
     format: str = POLICY_FORMAT
     optimal: bool  # whether every task's tuning ended at an optimum
     common_fulcrum_mm: float | None  # the one setting that is best for all; None if a task has no result
+    rest_common_mm: float | None = None  # the one that is best for all by the cost itself, where all have terms besides
     reach_mm: Span  # of the carriage
     resolution_mm: float | None  # its steps from the lower end of its reach; None for none
     tasks: tuple[TaskSetting, ...]
@@ -241,6 +242,8 @@ def make_schedule(
 
     known = [curve for curve in curves if curve is not None]
     common = _best_common(known, reach_mm, resolution_mm) if len(known) == len(tuned) else None
+    alone = [curve for _, table in tuned if (curve := _rest_curve(table)) is not None]
+    rest_common = _best_common(alone, reach_mm, resolution_mm) if len(alone) == len(tuned) else None
     rows = []
     for (task, table), curve in zip(tuned, curves, strict=True):
         exact, (x, y) = table.fulcrum_mm, table.swept()
@@ -250,13 +253,14 @@ def make_schedule(
             cost_exact=table.cost, cost_common=cost(curve, common), interval_mm=table.fulcrum_interval_mm,
             matters=_matters(table, common), optimal=table.optimal, status=table.status, trials=table.trials,
             recorded_mm=table.recorded_mm, sweep=CostCurve(tuple(x.tolist()), tuple(y.tolist())),
-            rest=table.rest_at(stored), rest_common=table.rest_at(common),
+            rest=(table.least_rest() or (None, None))[1], rest_common=cost(_rest_curve(table), rest_common),
             held_from_mm=(table.held_from or (None,))[0]))
     first = tuned[0][1]
     return Schedule(
-        optimal=all(row.optimal for row in rows), common_fulcrum_mm=common, reach_mm=reach_mm,
-        resolution_mm=resolution_mm, tasks=tuple(rows), cost_name=first.cost_name, cost_label=first.cost_label,
-        cost_unit=first.cost_unit, level=first.level, synthetic=any(table.synthetic for _, table in tuned))
+        optimal=all(row.optimal for row in rows), common_fulcrum_mm=common, rest_common_mm=rest_common,
+        reach_mm=reach_mm, resolution_mm=resolution_mm, tasks=tuple(rows), cost_name=first.cost_name,
+        cost_label=first.cost_label, cost_unit=first.cost_unit, level=first.level,
+        synthetic=any(table.synthetic for _, table in tuned))
 
 
 def _matters(table: TuningTable, common: float | None) -> bool | None:
@@ -281,6 +285,15 @@ def _cost_curve(table: TuningTable) -> Curve | None:
     if table.optimal and table.fulcrum_mm is not None and table.cost is not None:
         points = {x: y for x, y in points.items() if abs(x - table.fulcrum_mm) > 1e-6}
         points[table.fulcrum_mm] = table.cost
+    return _through(points)
+
+
+def _rest_curve(table: TuningTable) -> Curve | None:
+    """The cost by itself over the sweep; None without terms that only hold to the recording."""
+    return _through({mm: rest for mm in table.swept()[0].tolist() if (rest := table.rest_at(mm)) is not None})
+
+
+def _through(points: Mapping[float, float]) -> Curve | None:
     if len(points) < 2:
         return None
     x = np.array(sorted(points))

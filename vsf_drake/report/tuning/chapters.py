@@ -167,15 +167,14 @@ def tasks_words(table: TuningTable | Schedule) -> str:
     if not lost or not settings or table.common_fulcrum_mm is None:
         return words("tasks", known=False)[0]
     # What of it is no gain of the person, because a term of the cost only holds to the recording.
-    pairs = [(row.rest, row.rest_common) for row in table.tasks
-             if isinstance(row, TaskSetting) and row.rest is not None and row.rest_common is not None]
-    rest = None
-    if pairs:
+    alone, rest = table.rest_common_mm if isinstance(table, Schedule) else None, None
+    if alone is not None:
+        pairs = [(row.rest or 0.0, row.rest_common or 0.0) for row in table.tasks if isinstance(row, TaskSetting)]
         more = float(np.mean([common - own for own, common in pairs]))
-        rest = (more, 100.0 * abs(more) / (float(np.mean([abs(own) for own, _ in pairs])) or 1.0))
+        rest = {"mm": alone, "percent": 100.0 * more / (float(np.mean([abs(own) for own, _ in pairs])) or 1.0)}
     return words("tasks", known=True, low=min(settings), high=max(settings), common=table.common_fulcrum_mm,
                  mean=float(np.mean(lost)), most=max(lost), unit=reading.excess_unit(table), rest=rest,
-                 held=isinstance(table, TuningTable) and bool(table.holding), cost_unit=table.cost_unit)[0]
+                 held=isinstance(table, TuningTable) and bool(table.holding))[0]
 
 
 def _tasks(table: TuningTable, arrays: Arrays) -> Facts:
