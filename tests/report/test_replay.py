@@ -58,7 +58,7 @@ def short_walk(side="right", **changes):
     loaded = time >= 0.52 - 1e-9
     cop = np.where(loaded[:, None], np.column_stack([time, 0.0 * time + 0.1, 0.0 * time]), np.nan)
     normal = np.zeros((SAMPLES, 24))
-    normal[loaded, 5] = 0.05 * WEIGHT_N
+    normal[loaded, 5] = 0.025 * WEIGHT_N
     normal[loaded, 6] = 0.30 * WEIGHT_N
     values = {
         "coordinate_names": names, "q": q, "v": np.zeros_like(q), "generalized_force": np.zeros_like(q), "side": side,
@@ -131,7 +131,7 @@ def test_bodies_are_where_forward_kinematics_puts_them(tmp_path, side):
         hip = walk.column(thigh)[::every]
         np.testing.assert_allclose(swing, replay.ARM_SWING * (hip - hip.mean()), atol=1e-9)
     # spheres take colour with their load
-    low, high = np.array(SPHERE[:3]), np.array(LOADED)
+    low, high = np.array(SPHERE[:3]) ** 2.2, np.array(LOADED) ** 2.2  # in linear light, as three.js keeps colours
     for i, share in ((4, 0.0), (5, 0.5), (6, 1.0)):
         body = model.plant.get_body(model.person.foot.sites.body_indices[i]).name()
         colours = animation[f"/walk/{body}/site_{i}/<object>"]["material.color"][1]
@@ -231,7 +231,9 @@ const wait = setInterval(() => {
   part("time").value = 0.36;
   part("time").dispatchEvent(new Event("input"));
   setTimeout(() => {
+    const pelvis = viewer.scene_tree.find(["walk", "pelvis"]).object.getWorldPosition(new MeshCat.THREE.Vector3());
     const found = {time: viewer.animator.time, playing: viewer.animator.playing, now: part("now").textContent,
+                   aside: viewer.camera.parent.worldToLocal(pelvis).sub(viewer.controls.target).setY(0).length(),
                    foot: viewer.scene_tree.find(["walk", "vsf_frame"]).object.position.toArray(),
                    before: [shown(sole), shown(sphere)]};
     part("spheres").click();
@@ -260,6 +262,7 @@ def test_the_time_bar_leads_the_walk_and_the_page_needs_nothing_else(tmp_path, w
     assert not found["playing"] and found["plays"]
     assert found["now"] == f"0.640 s of the trial, fulcrum 108 mm, predicted {last:.0f} N"
     np.testing.assert_allclose(found["foot"], tracks(page)["/walk/vsf_frame"]["position"][1][-1], atol=1e-5)
+    assert found["aside"] == pytest.approx(0.0, abs=1e-5), "the person is not in the middle"
     assert found["before"] == [True, False] and found["after"] == [False, True]
     assert not [line for line in seen.console if "ERROR" in line or "Uncaught" in line]
     assert not seen.requests and not seen.out and seen.scroll <= seen.width

@@ -142,7 +142,7 @@ def _record_walk(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> 
         swing = ARM_SWING * frames.q[:, result.coordinate_names.index(thigh)]
         for i, angle in enumerate(swing - swing.mean()):
             animation.SetTransform(i, path, shoulder @ _forward(angle))
-    low, high = np.array(SPHERE[:3]), np.array(LOADED)
+    low, high = np.array(SPHERE[:3]) ** 2.2, np.array(LOADED) ** 2.2  # which three.js takes as linear light
     for j, index in enumerate(person.foot.sites.body_indices):
         path = f"{WALK}/{plant.get_body(index).name()}/{SITE_NAME.format(j)}/<object>"
         load = frames.sphere_load[:, j]
@@ -213,7 +213,7 @@ def _set_scene(meshcat: Meshcat, result: WalkResult, frames: ReplayFrames) -> No
 
 
 HIGHEST_RATE_HZ = 1000.0
-FULL_COLOUR_BW = 0.1  # normal force (body weights) at which a contact sphere has its full colour
+FULL_COLOUR_BW = 0.05  # normal force (body weights) at which a contact sphere has its full colour
 
 
 @dataclass(frozen=True, eq=False)
