@@ -70,15 +70,53 @@ def test_quick_validation_says_on_its_first_line_what_is_synthetic_and_writes_ev
     assert all(walk["synthetic"] is True and walk["converged"] for walk in walks)
 
 
+needs_browser = pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+MOVED = """
+const text = id => document.getElementById(id).textContent, slider = document.getElementById("fulcrum");
+const points = id => document.getElementById(id).getAttribute("points");
+const of = () => ({mm: text("moved-mm"), error: text("moved-error"), force: points("moved-resultant"),
+                   cop: points("moved-cop"), keel: points("moved-keel"), fulcrum: points("moved-fulcrum")});
+const folds = [...document.querySelectorAll("details")], seen = [of()];
+for (const value of [slider.max, slider.defaultValue]) {
+  slider.value = value;
+  slider.dispatchEvent(new Event("input"));
+  seen.push(of());
+}
+const open = () => folds.filter(fold => fold.open).length, opened = [open()];
+folds.at(-1).querySelector("summary").click();
+opened.push(open());
+document.getElementById("open-all").click();
+return {seen, opened, folds: folds.length, replay: document.querySelector("iframe").getAttribute("src")};
+"""
+
+
 @pytest.mark.slow
-@pytest.mark.skipif(chromium() is None, reason="there is no Chromium (Debian: apt-get install chromium)")
-@pytest.mark.parametrize("width", [1280, 390])
+@needs_browser
+@pytest.mark.parametrize("width", [1300, 390])
 def test_quick_report_reads_on_a_desk_and_on_a_telephone(quick_validation, tmp_path, width):
     seen = look(quick_validation / "report.html", tmp_path, width=width)
     assert (seen.console, seen.requests, seen.out) == ([], [], [])
     assert seen.scroll <= width
     assert (seen.broken, seen.unnamed) == (0, 0)
-    assert seen.images > 15
+    assert seen.images >= 10
+    assert seen.words <= 4000 and seen.tables <= 12
+    assert width == 390 or seen.high <= 12 * 900, "twelve screens of 900 pixels"
+
+
+@pytest.mark.slow
+@needs_browser
+def test_the_slider_moves_the_fulcrum_and_folds_open_by_a_click(quick_validation, tmp_path):
+    shutil.copytree(quick_validation, tmp_path / "out")
+    seen = look(tmp_path / "out" / "report.html", tmp_path / "out", width=1300, act=MOVED)
+    first, stiff, again = seen.acted["seen"]
+    assert (first["mm"], stiff["mm"]) == ("108", "151") and first == again
+    assert all(first[key] != stiff[key] for key in first)
+    sweep = read_json(quick_validation / "validation.json")["sections"]["walking"]["table"]["rows"][1]["sweep"]
+    assert stiff["error"] == f"{100.0 * sweep['grf_rmse_bw'][-1]:.1f}"
+    assert seen.acted["opened"] == [0, 1] and seen.acted["replay"] == "replay.html"
+    assert seen.words > 4000, "all is open"
+    assert not [line for line in seen.console if "replay.html" not in line]  # there, of a graphics card that is none
+    assert (seen.requests, seen.out) == ([], [])
 
 
 @pytest.mark.slow
