@@ -21,6 +21,7 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 
+from vsf_drake.laws.compiled import compiled
 from vsf_drake.parameters import FootParameters
 from vsf_drake.plants.bench import make_bench
 from vsf_drake.plants.foot import set_mount
@@ -35,6 +36,8 @@ from vsf_drake.simulation.stepping.tree import (
     work_space,
 )
 
+place, inverse_dynamics, mass_matrix = (compiled(each.py_func) for each in (place, inverse_dynamics, mass_matrix))
+"""To be called from Python."""
 TOLERANCE = 1e-12
 STATES = 3
 PLANTS = ("left", "shifted foot", "other masses", "bench", "askew")

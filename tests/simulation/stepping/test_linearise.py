@@ -11,6 +11,7 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, InitializeAutoDif
 from pydrake.math import RigidTransform_, RotationMatrix_
 from pydrake.multibody.tree import MultibodyForces_
 
+from vsf_drake.laws.compiled import compiled
 from vsf_drake.plants.foot import mount_pose, set_mount
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
 from vsf_drake.simulation.stepping.assembly import find_sites, find_support, split_coordinates, step_workspace
@@ -67,7 +68,7 @@ class Instant:
         self.v0 = rng.uniform(-speed, speed, n)
         self.workspace = step_workspace(tree, mechanism.forces, self.dofs)
         arrays = tree_arrays(tree)
-        place(arrays, self.q, self.workspace.motion)
+        compiled(place.py_func)(arrays, self.q, self.workspace.motion)
         R, p, b = self.workspace.motion.R, self.workspace.motion.p, mechanism.site_bodies
         bottoms = (p[b] + np.einsum("sij,sj->si", R[b], mechanism.sites[:, :3]))[:, 2] - mechanism.sites[:, 3]
         self.ground = bottoms.min() + depth

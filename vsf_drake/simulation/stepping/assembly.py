@@ -90,10 +90,10 @@ def find_sites(
 
 @internal
 def add_sites(
-    h: float, forces: Forces, contact: ContactWorkspace, ground_rate: float, wanted: np.ndarray, which: bool,
+    h: float, forces: Forces, contact: ContactWorkspace, ground_rate: float, wanted: np.ndarray,
     record: np.ndarray
 ) -> None:
-    """Adds the ground's wrench on each body to F at the end velocities V, for the near sites with wanted == which.
+    """Adds the ground's wrench on each body to F at the end velocities V, for the near sites that are wanted.
 
     With the contact point's velocity u = v + w x r:  depth d = d0 - h u_z, its rate the ground's less u_z, normal force
     fn(d, rate), friction -mu(|u_xy|) / |u_xy| fn u_xy. `gain` = -dfn/du_z = h dfn/dd + dfn/drate.
@@ -101,7 +101,7 @@ def add_sites(
     sites, V = forces.sites, contact.V
     for a in range(contact.near[-1]):
         s = contact.near[a]
-        if wanted[s] != which:
+        if not wanted[s]:
             continue
         b = forces.site_bodies[s]
 
@@ -208,6 +208,7 @@ class FreePrescribed(NamedTuple):
     place: np.ndarray  # (n,) place among the free ones, or -1
     body_moves: np.ndarray  # (B,) whether a free coordinate moves it
     site_moves: np.ndarray  # (S,) likewise
+    site_rests: np.ndarray  # (S,) the opposite
     moving: np.ndarray  # links whose body one moves, parents first
     still: np.ndarray  # the other links
 
@@ -245,6 +246,7 @@ def split_coordinates(tree: Tree, forces: Forces, prescribed: np.ndarray) -> Fre
     moves = np.asarray(tree.ancestors[:, free].any(axis=1))
     return FreePrescribed(prescribed=np.asarray(prescribed, dtype=np.int64), free=free, above=above, counts=counts,
                           place=place_of, body_moves=moves, site_moves=moves[forces.site_bodies],
+                          site_rests=~moves[forces.site_bodies],
                  moving=np.flatnonzero(moves[tree.links[:, 2]]), still=np.flatnonzero(~moves[tree.links[:, 2]]))
 
 

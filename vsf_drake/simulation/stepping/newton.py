@@ -133,7 +133,7 @@ def step(
 
     # Forces on what only prescribed coordinates move, which had no part in r; the loads that hold these; then
     # q = q0 + h v, with prescribed coordinates where they were to go without rounding.
-    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_moves, False, sites)
+    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_rests, sites)
     _loads(h, tree, dofs, workspace, given, M, v, load)
     for c in range(q.shape[0]):
         q[c] += h * v[c]
@@ -158,7 +158,7 @@ def _velocities(links: np.ndarray, S: np.ndarray, v: np.ndarray, V: np.ndarray) 
         rb.put(V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), v[c]))
 
 
-@compiled
+@internal
 def _residual(
     h: float, links: np.ndarray, forces: Forces, dofs: FreePrescribed, workspace: Workspace, deflection: float,
     ground_rate: float, q: np.ndarray, sites: np.ndarray, support: np.ndarray
@@ -172,7 +172,7 @@ def _residual(
         parent, b, c = links[moving[k], 1], links[moving[k], 2], links[moving[k], 3]
         rb.put(V, b, rb.six(V, parent) if c < 0 else rb.plus(rb.six(V, parent), rb.six(S, c), trial[c]))
     F[:] = 0.0
-    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_moves, True, sites)
+    assembly.add_sites(h, forces, contact, ground_rate, dofs.site_moves, sites)
 
     # tau_c = applied + springs + support + S_c . (sum of F over all that c carries)
     copy(workspace.applied, tau)

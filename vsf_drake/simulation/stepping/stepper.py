@@ -322,8 +322,9 @@ def advance(
     M, C = np.empty((0, 0)), np.empty(0)
     q0, v0, load, q_next = q.copy(), v.copy(), np.empty_like(q), np.empty(dofs.prescribed.shape[0])
     for k in range(first, last):
-        done, size = 0, PARTS
         record.iterations[k], record.parts[k], record.converged[k] = 0, 0, True
+        done = record.parts[k]  # a literal 0 would compile what it is given to twice
+        size = done + PARTS
         record.load[k] = 0.0
 
         # Torques that are held over the whole step come from the state at its start.

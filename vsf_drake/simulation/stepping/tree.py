@@ -15,7 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, PrismaticJoint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
 
-from vsf_drake.laws.compiled import compiled, internal
+from vsf_drake.laws.compiled import internal
 
 WELD, REVOLUTE, PRISMATIC = 0, 1, 2
 Six = tuple[float, float, float, float, float, float]  # a motion or a force, see the section on spatial algebra
@@ -160,19 +160,19 @@ def _turned(F: tuple[float, ...], ax: float, ay: float, az: float, s: float, c: 
 REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@compiled
+@internal
 def six(array: np.ndarray, i: int) -> Six:
     """Row i of an (n, 6) array."""
     return array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5]
 
 
-@compiled
+@internal
 def put(array: np.ndarray, i: int, a: Six) -> None:
     """Writes a vector into row i."""
     array[i, 0], array[i, 1], array[i, 2], array[i, 3], array[i, 4], array[i, 5] = a
 
 
-@compiled
+@internal
 def add(array: np.ndarray, i: int, a: Six) -> None:
     """Adds a vector to row i."""
     array[i, 0] += a[0]
@@ -183,43 +183,43 @@ def add(array: np.ndarray, i: int, a: Six) -> None:
     array[i, 5] += a[5]
 
 
-@compiled
+@internal
 def plus(a: Six, b: Six, factor: float) -> Six:
     """a + factor b."""
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2], a[3] + factor * b[3],
             a[4] + factor * b[4], a[5] + factor * b[5])
 
 
-@compiled
+@internal
 def dot(a: Six, b: Six) -> float:
     """Power of a force on a motion."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
 @internal
-def _in_row(K: np.ndarray, b: int, i: int, a: Six) -> float:
-    return float(K[b, i, 0] * a[0] + K[b, i, 1] * a[1] + K[b, i, 2] * a[2] + K[b, i, 3] * a[3] + K[b, i, 4] * a[4]
-            + K[b, i, 5] * a[5])
+def times(K: np.ndarray, b: int, a: Six) -> Six:
+    """K[b] a of an array (n, 6, 6)."""
+    p, q, r, x, y, z = a
+    return (
+        K[b, 0, 0] * p + K[b, 0, 1] * q + K[b, 0, 2] * r + K[b, 0, 3] * x + K[b, 0, 4] * y + K[b, 0, 5] * z,
+        K[b, 1, 0] * p + K[b, 1, 1] * q + K[b, 1, 2] * r + K[b, 1, 3] * x + K[b, 1, 4] * y + K[b, 1, 5] * z,
+        K[b, 2, 0] * p + K[b, 2, 1] * q + K[b, 2, 2] * r + K[b, 2, 3] * x + K[b, 2, 4] * y + K[b, 2, 5] * z,
+        K[b, 3, 0] * p + K[b, 3, 1] * q + K[b, 3, 2] * r + K[b, 3, 3] * x + K[b, 3, 4] * y + K[b, 3, 5] * z,
+        K[b, 4, 0] * p + K[b, 4, 1] * q + K[b, 4, 2] * r + K[b, 4, 3] * x + K[b, 4, 4] * y + K[b, 4, 5] * z,
+        K[b, 5, 0] * p + K[b, 5, 1] * q + K[b, 5, 2] * r + K[b, 5, 3] * x + K[b, 5, 4] * y + K[b, 5, 5] * z)
 
 
 @internal
-def _in_column(K: np.ndarray, b: int, i: int, a: Six) -> float:
-    return float(K[b, 0, i] * a[0] + K[b, 1, i] * a[1] + K[b, 2, i] * a[2] + K[b, 3, i] * a[3] + K[b, 4, i] * a[4]
-            + K[b, 5, i] * a[5])
-
-
-@compiled
-def times(K: np.ndarray, b: int, a: Six) -> Six:
-    """K[b] a of an array (n, 6, 6)."""
-    return (_in_row(K, b, 0, a), _in_row(K, b, 1, a), _in_row(K, b, 2, a), _in_row(K, b, 3, a), _in_row(K, b, 4, a),
-            _in_row(K, b, 5, a))
-
-
-@compiled
 def transposed_times(K: np.ndarray, b: int, a: Six) -> Six:
     """K[b]^T a of an array (n, 6, 6)."""
-    return (_in_column(K, b, 0, a), _in_column(K, b, 1, a), _in_column(K, b, 2, a), _in_column(K, b, 3, a),
-            _in_column(K, b, 4, a), _in_column(K, b, 5, a))
+    p, q, r, x, y, z = a
+    return (
+        K[b, 0, 0] * p + K[b, 1, 0] * q + K[b, 2, 0] * r + K[b, 3, 0] * x + K[b, 4, 0] * y + K[b, 5, 0] * z,
+        K[b, 0, 1] * p + K[b, 1, 1] * q + K[b, 2, 1] * r + K[b, 3, 1] * x + K[b, 4, 1] * y + K[b, 5, 1] * z,
+        K[b, 0, 2] * p + K[b, 1, 2] * q + K[b, 2, 2] * r + K[b, 3, 2] * x + K[b, 4, 2] * y + K[b, 5, 2] * z,
+        K[b, 0, 3] * p + K[b, 1, 3] * q + K[b, 2, 3] * r + K[b, 3, 3] * x + K[b, 4, 3] * y + K[b, 5, 3] * z,
+        K[b, 0, 4] * p + K[b, 1, 4] * q + K[b, 2, 4] * r + K[b, 3, 4] * x + K[b, 4, 4] * y + K[b, 5, 4] * z,
+        K[b, 0, 5] * p + K[b, 1, 5] * q + K[b, 2, 5] * r + K[b, 3, 5] * x + K[b, 4, 5] * y + K[b, 5, 5] * z)
 
 
 @internal
@@ -253,7 +253,7 @@ def moved_wrench(
             x * gy - y * gx + px * fy - py * fx, gx, gy, gz)
 
 
-@compiled
+@internal
 def cross_motion(a: Six, b: Six) -> Six:
     """a x b of two motions (crm): the rate of b where it is fixed to a body that moves with a."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0],
@@ -262,7 +262,7 @@ def cross_motion(a: Six, b: Six) -> Six:
             a[0] * b[4] - a[1] * b[3] + a[3] * b[1] - a[4] * b[0])
 
 
-@compiled
+@internal
 def cross_force(a: Six, f: Six) -> Six:
     """a x* f of a motion and a force (crf), likewise."""
     return (a[1] * f[2] - a[2] * f[1] + a[4] * f[5] - a[5] * f[4],
@@ -271,7 +271,7 @@ def cross_force(a: Six, f: Six) -> Six:
             a[1] * f[5] - a[2] * f[4], a[2] * f[3] - a[0] * f[5], a[0] * f[4] - a[1] * f[3])
 
 
-@compiled
+@internal
 def inertia_times(bodies: np.ndarray, b: int, a: Six) -> Six:
     """The inertia in row b of (n, 10) times a motion (w, v): the momentum (I w + h x v, m v - h x w), h = m c."""
     m, hx, hy, hz = bodies[b, 0], bodies[b, 1], bodies[b, 2], bodies[b, 3]
@@ -282,7 +282,7 @@ def inertia_times(bodies: np.ndarray, b: int, a: Six) -> Six:
             m * vx + wy * hz - wz * hy, m * vy + wz * hx - wx * hz, m * vz + wx * hy - wy * hx)
 
 
-@compiled
+@internal
 def inertia_in_world(bodies: np.ndarray, b: int, R: np.ndarray, p: np.ndarray, out: np.ndarray) -> None:
     """Moves the inertia in row b, about and in its body's frame, to the world's origin and axes; into row b of out.
 
@@ -358,7 +358,7 @@ def work_space(tree: Tree) -> Motion:
         composite=np.zeros((bodies, 10)), **{name: np.zeros((bodies, 6)) for name in ("V", "A", "f")})
 
 
-@compiled
+@internal
 def place(tree: TreeArrays, q: np.ndarray, motion: Motion) -> None:
     """Poses and joint motions at coordinates q (n,).
 
@@ -400,7 +400,7 @@ def _write_pose(R: np.ndarray, p: np.ndarray, b: int, rotation: tuple[float, ...
         p[b, i] = position[i]
 
 
-@compiled
+@internal
 def inverse_dynamics(tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Motion, tau: np.ndarray) -> None:
     """Forces tau (n,) for velocities v and accelerations a (n,) at the placed pose, gravity included.
 
@@ -442,7 +442,7 @@ def inverse_dynamics(tree: TreeArrays, v: np.ndarray, a: np.ndarray, motion: Mot
             composite[parent, i] += composite[b, i]
 
 
-@compiled
+@internal
 def mass_matrix(
     tree: TreeArrays, motion: Motion, coordinates: np.ndarray, above: np.ndarray, counts: np.ndarray, M: np.ndarray
 ) -> None:
