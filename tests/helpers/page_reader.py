@@ -22,27 +22,3 @@ class Balanced(html.parser.HTMLParser):
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
-
-
-class Unfolded(html.parser.HTMLParser):
-    """Counts the words that stand there before anything is unfolded."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.hidden, self.words = 0, 0
-
-    def handle_starttag(self, tag, attrs):
-        self.hidden += tag in ("details", "script", "style", "title")
-
-    def handle_endtag(self, tag):
-        self.hidden -= tag in ("details", "script", "style", "title")
-
-    def handle_data(self, data):
-        self.words += 0 if self.hidden else len(data.split())
-
-
-def open_words(page: str) -> int:
-    """Words of a page that are not folded away."""
-    reader = Unfolded()
-    reader.feed(page)
-    return reader.words

@@ -27,7 +27,7 @@ from made_tuning import (
     small_table,
     task,
 )
-from page_reader import Balanced, open_words
+from page_reader import Balanced
 
 from vsf_drake.analysis.tuning.schedule import load_schedule, make_schedule
 from vsf_drake.analysis.tuning.table import SweepPoint, Term, tuning_of
@@ -119,12 +119,8 @@ def test_page_reads_on_a_desk_and_on_a_telephone(folders, tmp_path, kind):
         (tmp_path / str(width)).mkdir()
         seen = look(folders / kind / "report.html", tmp_path / str(width), width=width)
         assert (seen.console, seen.requests, seen.out, seen.broken, seen.unnamed) == ([], [], [], 0, 0)
-        assert seen.scroll <= width
+        assert seen.scroll <= width and 150 < seen.words <= 600
         assert seen.images == {"level_1": 7, "schedule": 3}[kind]
-
-
-def test_what_is_open_is_read_in_two_minutes(folders):
-    assert all(150 < open_words(body(folders / kind)) <= 600 for kind in ("level_1", "schedule"))
 
 
 def test_what_is_no_optimum_is_marked_above_everything_and_recommends_nothing(folders):
