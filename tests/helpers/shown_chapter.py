@@ -18,7 +18,7 @@ class Shown(ShownChapter):
         self.captions: dict[str, str] = {}
         self.titles: dict[str, str] = {}
         self.figures = dict(chapter.figures)
-        super().__init__(chapter, None, lenient=False)
+        super().__init__(chapter, None, lenient=False, svg=False)
 
     def _table(self, name, rows=(), columns=(), caller=None):
         shown = super()._table(name, rows, columns, caller)

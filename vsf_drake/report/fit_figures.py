@@ -18,14 +18,17 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from vsf_drake.analysis.fulcrum_sweep import FulcrumSweep
 from vsf_drake.report.page import number
 from vsf_drake.report.style import (
+    FULCRUM,
     MARKERS,
     MEASURED,
     NEUTRAL,
+    PANEL,
     SIMULATED,
     colour_of,
     drawing,
     label,
     log_scale,
+    tag,
 )
 
 if TYPE_CHECKING:  # these import Drake, which takes longer than to draw
@@ -273,43 +276,37 @@ class TrialSweep:
 
 
 def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
-    """The error of every trial over the fulcrum's position, one panel a true position."""
-    settings = sorted({trial.fulcrum_mm for trial in trials})
-    with drawing(_INCHES, 0.9 + 2.3 * len(settings)) as figure:
-        panels = figure.subplots(len(settings), sharex=True, sharey=True, squeeze=False)[:, 0]
-        for axes, setting in zip(panels, settings, strict=True):
-            axes.axvline(setting, color=NEUTRAL, linewidth=6.0, alpha=0.35, zorder=0)
-            for i, trial in enumerate(trial for trial in trials if trial.fulcrum_mm == setting):
-                _sweep(axes, trial, colour_of(setting), MARKERS[i % len(MARKERS)])
-            axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", framealpha=0.8)
-            label(axes, x="fulcrum from the keel's end (mm)", y="resultant, RMS error (% BW)",
-                  title=f"Trials at {setting:g} mm")
-        log_scale(panels[0].yaxis)
-        panels[0].yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
-        panels[0].yaxis.set_minor_formatter(NullFormatter())
-        panels[0].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    """The error of every trial over the fulcrum's position; where the least one is not where it stood is named."""
+    with drawing(*PANEL) as figure:
+        axes = figure.subplots()
+        for setting in sorted({trial.fulcrum_mm for trial in trials}):
+            axes.axvline(setting, color=colour_of(setting), linewidth=6.0, alpha=0.3, zorder=0)
+        for trial in trials:
+            _sweep(axes, trial)
+        log_scale(axes.yaxis)
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         handles: list[Artist] = [
-            Line2D([], [], color=NEUTRAL, linewidth=6.0, alpha=0.35, label="where it stood"),
-            _dot("least error", "*", color="white", markersize=12, markeredgecolor="black", markeredgewidth=1.3),
-            *(Line2D([], [], color="black", marker="o", markersize=4.5, label=f"{role} trial",
-                     markerfacecolor="black" if role == _FITTED else "white")
-              for role in dict.fromkeys(trial.role for trial in trials))]
+            Line2D([], [], color=NEUTRAL, linewidth=6.0, alpha=0.3, label="where it stood"),
+            _dot("least error of a trial", "*", color="white", markersize=12, markeredgecolor="black")]
         if any(None in trial.sweep.grf_rmse_bw for trial in trials):
             handles.append(_dot("the walk failed", "x", color="black"))
-        _finish(figure, handles, 2, synthetic=any(trial.synthetic for trial in trials))
+        label(axes, x=FULCRUM, y="resultant, RMS error (% BW)")
+        _finish(figure, handles, len(handles), synthetic=any(trial.synthetic for trial in trials))
     return figure
 
 
-def _sweep(axes: Axes, trial: TrialSweep, colour: Any, marker: str) -> None:
-    sweep = trial.sweep
+def _sweep(axes: Axes, trial: TrialSweep) -> None:
+    sweep, colour = trial.sweep, colour_of(trial.fulcrum_mm)
     positions = np.array(sweep.fulcrum_mm)
     errors = 100.0 * np.array(sweep.grf_rmse_bw, dtype=float)  # None is NaN
-    verdict = "not known" if sweep.right is None else "right" if sweep.right else "WRONG"
-    axes.plot(positions, errors, color=colour, linewidth=1.2, marker=marker, markersize=4.5, markevery=2,
-              markerfacecolor=colour if trial.role == _FITTED else "white", label=f" {trial.label}: {verdict}")
+    axes.plot(positions, errors, color=colour, linewidth=1.2)
     known = np.isfinite(errors)
     if sweep.best_mm is not None and known.any():
-        axes.plot(sweep.best_mm, errors[known].min(), marker="*", markersize=12, color="white",
-                  markeredgecolor=colour, markeredgewidth=1.3, zorder=5)
+        least = float(errors[known].min())
+        axes.plot(sweep.best_mm, least, marker="*", markersize=12, color="white", markeredgecolor=colour, zorder=5)
+        if sweep.right is False:
+            tag(axes, f"{trial.label}: WRONG", (sweep.best_mm, least), colour, offset=(0, -11), ha="center")
     for position in positions[~known]:
         axes.plot(position, 0.02, marker="x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False)

@@ -106,7 +106,7 @@ def name_of(fulcrum_mm: float | None) -> str:
 def say_synthetic(figure: Figure, synthetic: bool, what: str) -> None:
     """That nobody recorded these walks, or trials."""
     if synthetic:
-        figure.suptitle(f"SYNTHETIC {what}, not recorded", x=0.01, ha="left", fontsize=11)
+        figure.suptitle(f"SYNTHETIC {what}, not recorded", x=0.01, ha="left", fontsize=9.5)
 
 
 def label(axes: Axes, *, x: str, y: str, title: str = "") -> None:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import Arrays, drawing, label, say_synthetic
+from vsf_drake.report.style import PANEL, Arrays, drawing, label, say_synthetic
 
 if TYPE_CHECKING:
     from vsf_drake.analysis.validation.sensitivity_indices import Effect, Index
@@ -20,31 +20,28 @@ if TYPE_CHECKING:
 
 
 class Output(NamedTuple):
-    """How an output of the study is shown: its name, unit, scale of the stored value, and number format."""
+    """How an output of the study is shown: its name, one over a panel, unit, scale of the stored value, format."""
 
     name: str
+    short: str
     unit: str
     scale: float = 1.0
     form: str = "{:.2f}"
 
 
 OUTPUTS = {
-    "grf_rmse_bw": Output("resultant GRF error", "% BW", 100.0, "{:.1f}"),
-    "cop_rmse_fl": Output("CoP error", "% foot length", 100.0, "{:.2f}"),
-    "cop_shift_mm": Output("mean CoP shift", "mm", 1.0, "{:.1f}"),
-    "peak_vertical_bw": Output("peak vertical force", "% BW", 100.0, "{:.1f}"),
-    "spring_stored_j": Output("energy stored", "J"),
-    "spring_returned_j": Output("energy returned", "J"),
+    "grf_rmse_bw": Output("resultant GRF error", "GRF error", "% BW", 100.0, "{:.1f}"),
+    "cop_rmse_fl": Output("CoP error", "CoP error", "% foot length", 100.0, "{:.2f}"),
+    "cop_shift_mm": Output("mean CoP shift", "CoP shift", "mm", 1.0, "{:.1f}"),
+    "peak_vertical_bw": Output("peak vertical force", "peak force", "% BW", 100.0, "{:.1f}"),
+    "spring_stored_j": Output("energy stored", "stored", "J"),
+    "spring_returned_j": Output("energy returned", "energy returned", "J"),
 }
 MAIN = ("grf_rmse_bw", "cop_rmse_fl", "spring_returned_j")
 """What the chapter draws."""
-GROUPS = {  # colours of Okabe and Ito, told apart with any colour vision, and a hatch each for grey print
-    "kinematics": ("#D55E00", ""), "geometry": ("#E69F00", "///"), "bushing": ("#009E73", "..."),
-    "contact": ("#0072B2", "\\\\\\"), "friction": ("#56B4E9", "ooo"), "keel": ("#CC79A7", "xxx")}
-MOST = 12
+MOST = 6
 """Factors in a panel of the screening."""
-_NAMED = 4
-_HEIGHT = 0.38
+_NAMED = 3
 
 
 def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
@@ -54,7 +51,7 @@ def sensitivity_chapter(table: SensitivityTable, arrays: Arrays) -> Chapter:
     by_output = _indices(table)
     indices = [(OUTPUTS[name], own) for name, own in by_output.items()]
     stable = [(known, OUTPUTS[name].name) for name in screened if (known := rows[name].stability) is not None]
-    facts = {**vars(table), "screened": bool(screened), "most": MOST,
+    facts = {**vars(table), "screened": bool(screened),
              "label": table.conditions[table.indexed].label,  # of the trial of indices and percentiles
              "findings": [(OUTPUTS[name], rows[name], _strongest(rows[name].morris or ())[:_NAMED],
                            _largest(rows[name].sobol or ())[:3]) for name in screened],
@@ -130,62 +127,56 @@ def _index_table(by_output: Mapping[str, Sequence[Index]]) -> dict[str, Any]:
 def indices_figure(table: SensitivityTable) -> Figure:
     """First-order and total indices of groups, outputs side by side; at least one main output must have rows."""
     by_output = _indices(table)
-    with drawing(11.0 if len(by_output) > 1 else 6.5, 4.0) as figure:
-        for axes, (name, own) in zip(figure.subplots(1, len(by_output), squeeze=False)[0], by_output.items(),
-                                     strict=True):
-            rows = _largest(own)
-            for place, row in enumerate(rows):
-                first, total = place - _HEIGHT / 2, place + _HEIGHT / 2
-                axes.barh(first, max(row.s1, 0.0), height=_HEIGHT, **_look(row.name))
-                axes.barh(total, row.st, height=_HEIGHT, facecolor="white", edgecolor="black", linewidth=0.9)
-                for index, half, at in ((row.s1, row.s1_conf, first), (row.st, row.st_conf, total)):
-                    ends = [max(index + sign * half, 0.0) for sign in (-1.0, 1.0)]
-                    axes.plot(ends, [at, at], color="black", linewidth=1.0, clip_on=False)
-            _name_bars(axes, rows)
-            label(axes, x="share of the variance (1)", y="group", title=OUTPUTS[name].name)
-        handles = [Patch(facecolor="0.6", edgecolor="black", linewidth=0.5, label="first order: alone (coloured)"),
-                   Patch(facecolor="white", edgecolor="black", linewidth=0.9, label="total: with all interactions"),
-                   *(Patch(label=group, **_look(group)) for group in GROUPS)]
-        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    names = [row.name for row in _largest(next(iter(by_output.values())))]
+    with drawing(PANEL[0], 1.2 + 0.24 * len(names)) as figure:
+        panels = figure.subplots(1, len(by_output), squeeze=False, sharex=True, sharey=True)[0]
+        for axes, (name, own) in zip(panels, by_output.items(), strict=True):
+            for row in own:
+                place = names.index(row.name)
+                axes.barh(place, row.st, height=0.7, color="0.75")
+                axes.plot([max(row.st - row.st_conf, 0.0), row.st + row.st_conf], [place, place], color="0.1")
+                axes.plot(max(row.s1, 0.0), place, marker="D", markersize=4.5, color="0.1", markerfacecolor="white",
+                          linestyle="", clip_on=False)
+            _name_bars(axes, names)
+            label(axes, x="share (1)", y="", title=OUTPUTS[name].short)
+        panels[0].set_xlim(left=0.0)
+        handles = [Patch(facecolor="0.75", label="total"), _mark("first order"), _interval()]
+        figure.legend(handles=handles, loc="lower center", ncols=3)
         say_synthetic(figure, table.synthetic, "trials")
     return figure
 
 
-def _name_bars(axes: Axes, rows: Sequence[Index | Effect]) -> None:
+def _name_bars(axes: Axes, names: Sequence[str]) -> None:
     """The names of horizontal bars, the first on top."""
-    axes.set_yticks(np.arange(len(rows)), [row.name for row in rows], fontsize=8.0)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_xlim(left=0.0)
+    axes.set_yticks(np.arange(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
     axes.grid(False, axis="y")
 
 
-def _look(group: str) -> dict[str, Any]:
-    """Colour and hatch of a group's bars."""
-    colour, hatch = GROUPS.get(group, ("0.5", ""))
-    return {"facecolor": colour, "hatch": hatch, "edgecolor": "black", "linewidth": 0.5}
+def _mark(name: str) -> Line2D:
+    return Line2D([], [], color="0.1", marker="D", linestyle="", markersize=4.5, markerfacecolor="white", label=name)
+
+
+def _interval() -> Line2D:
+    return Line2D([], [], color="0.1", label="95 % interval")
 
 
 def screening_figure(table: SensitivityTable) -> Figure:
     """mu* of the MOST strongest factors, one panel an output; at least one main output must have rows."""
     shown = {name: _strongest(effects)[:MOST] for name in MAIN if (effects := table.outputs[name].morris)}
-    group = {row.name: row.group for row in table.factors}
-    with drawing(11.0 if len(shown) > 1 else 6.5, 4.8) as figure:
-        for axes, (name, rows) in zip(figure.subplots(1, len(shown), squeeze=False)[0], shown.items(), strict=True):
-            output, known = OUTPUTS[name], table.outputs[name].baseline
+    with drawing(PANEL[0], 0.8 + 1.75 * len(shown)) as figure:
+        for axes, (name, rows) in zip(figure.subplots(len(shown), squeeze=False)[:, 0], shown.items(), strict=True):
+            output = OUTPUTS[name]
             for place, row in enumerate(rows):
                 size, half = output.scale * row.mu_star, output.scale * row.mu_star_conf
-                axes.barh(place, size, height=0.72, **_look(group[row.name]))
-                axes.plot([max(size - half, 0.0), size + half], [place, place], color="black", linewidth=1.0)
-                axes.plot(output.scale * abs(row.mu), place, marker="D", markersize=4.0, color="black",
-                          markerfacecolor="white", linestyle="")
-            _name_bars(axes, rows)
-            baseline = "–" if known is None else f"{output.form.format(output.scale * known)} {output.unit}"
-            label(axes, x=f"effect mu* ({output.unit})", y="factor", title=f"{output.name}: {baseline}")
-        present = {group[row.name] for rows in shown.values() for row in rows}
-        handles: list[Any] = [Patch(label=group, **_look(group)) for group in GROUPS if group in present]
-        handles += [Line2D([], [], color="black", marker="D", linestyle="", markersize=4.5, markerfacecolor="white",
-                           label="size of the mean effect, signs kept"),
-                    Line2D([], [], color="black", linewidth=1.0, label="95 % bootstrap interval")]
-        figure.legend(handles=handles, loc="outside lower center", ncols=4)
+                axes.barh(place, size, height=0.7, color="0.75")
+                axes.plot([max(size - half, 0.0), size + half], [place, place], color="0.1")
+                axes.plot(output.scale * abs(row.mu), place, marker="D", markersize=4.5, color="0.1",
+                          markerfacecolor="white", linestyle="", clip_on=False)
+            _name_bars(axes, [row.name for row in rows])
+            axes.set_xlim(left=0.0)
+            label(axes, x=f"effect ({output.unit})", y="", title=output.name)
+        handles = [Patch(facecolor="0.75", label="mean size"), _mark("mean, signs kept"), _interval()]
+        figure.legend(handles=handles, loc="lower center", ncols=3)
         say_synthetic(figure, table.synthetic, "trials")
     return figure

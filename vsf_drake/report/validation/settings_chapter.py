@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 
 from vsf_drake.files import plain
 from vsf_drake.report.page import Chapter
-from vsf_drake.report.style import MARKERS, Arrays, colour_of, drawing, label
+from vsf_drake.report.style import FULCRUM, PANEL, Arrays, colour_of, drawing, label, say_synthetic
 
 if TYPE_CHECKING:
     from vsf_drake.analysis.validation.settings_section import OutcomeRow, PairRow, SettingsTable
 
-TITLE = "Can two settings be told apart?"
-SHOWN = ("resultant_first_bw", "resultant_second_bw", "vertical_trough_bw", "propulsion_bw", "cop_mid_stance_fl",
-         "energy_stored_j")
+TITLE = "Can two settings be distinguished?"
 DESIGNS = {"same_recording": "same recording", "same_session": "two recordings, one session",
            "two_sessions": "two sessions"}
-_SHADES = {"two_sessions": "0.93", "same_session": "0.84", "same_recording": "0.70"}
-_FACES = {True: "0.25", False: "0.93", None: "white"}
-"""Told apart, not, and not known."""
+_MARKS = {"same_recording": ("o", "0.1", 10), "same_session": ("s", "white", 5), "two_sessions": ("^", "0.75", 7)}
+"""Marker, face and size of a design."""
+_BAND = "same_session"
+"""The design whose limit is drawn about the changes of one outcome."""
 
 
 def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
@@ -33,7 +32,7 @@ def settings_chapter(table: SettingsTable, arrays: Arrays) -> Chapter:
     facts, figures = dict(vars(table)), {}
     if table.outcomes:
         facts |= _facts(table)
-        figures = {"settings_effects": _effect_figure(table, arrays), "settings_pairs": _pairs_figure(table)}
+        figures = {"settings_apart": _apart_figure(table), "settings_change": _change_figure(table, arrays)}
     return Chapter(name="settings", title=TITLE, template="validation/settings.html.j2", facts=facts, figures=figures)
 
 
@@ -42,26 +41,35 @@ def _facts(table: SettingsTable) -> dict[str, Any]:
     outcomes, places = table.outcomes, table.positions_mm
     curves = {(row.from_mm, row.to_mm): row for row in table.curves if row.rms_bw is not None}
     near = [row.rms_bw or 0.0 for (start, end), row in curves.items() if places.index(end) - places.index(start) == 1]
-    known = any(_limited(row) for row in outcomes)
-    changes = [(row, row.limits["sdd_same_recording" if _limited(row) else "noise_sdd_same_recording"])
-               for row in outcomes if row.name in SHOWN]
-    reached, apart = [], []
+    known, ends = any(_limited(row) for row in outcomes), _ends(table)
+    reached = []
     for design, title in DESIGNS.items():
         travels = [(travel, row.title) for row in outcomes
                    if (travel := row.limits[f"{'smallest' if known else 'noise'}_travel_mm_{design}"]) is not None]
         reached += [(title, *min(travels), len(travels))] if travels else []
-        verdicts = [told_apart(row, design) for row in table.pairs]
-        apart.append((title, verdicts.count(True), len(verdicts) - verdicts.count(None)))
+    pairs = dict.fromkeys((row.from_mm, row.to_mm) for row in table.pairs)
+    walked = [row for row in table.as_walked if (row.from_mm, row.to_mm) == max(
+        ((one.from_mm, one.to_mm) for one in table.as_walked), key=lambda pair: pair[1] - pair[0])]
     titles = {row.name: f"{row.title} ({row.unit})" for row in outcomes}
     words = {True: "yes", False: "no", None: None}
     return {
         "outcomes": plain(outcomes),
         "ends": curves[max(curves, key=lambda ends: ends[1] - ends[0])] if curves else None,
-        "neighbours_percent": [100.0 * x for x in near], "as_large_as_a_step": 0.08 <= max(near, default=0.0) <= 0.2,
+        "neighbours_percent": [100.0 * x for x in near],
         "walked_percent": [100.0 * apart_bw for apart_bw in table.as_walked_apart_bw],
-        "changes": [(row, limit) for row, limit in sorted(changes, key=lambda item: SHOWN.index(item[0].name))
-                    if row.effect_ends is not None and limit is not None],
-        "reached": reached, "apart": apart, "poor_judge": poor_judge(table.pairs),
+        "designs": tuple(DESIGNS.items()), "apart": {design: _count(
+            (ends[row.name] for row in outcomes if row.name in ends and _limited(row) == known), design)
+            for design in DESIGNS},
+        "ratios": [(row.title, over) for row in outcomes
+                   if (over := _over(ends.get(row.name), "same_recording")) is not None],
+        "best": _best(table), "known": known, "reached": reached, "poor_judge": poor_judge(table.pairs),
+        "pair_rows": [{"from_mm": low, "to_mm": high} | {design: "{} of {}".format(*_count(
+            (row for row in table.pairs if (row.from_mm, row.to_mm) == (low, high)), design)) for design in DESIGNS}
+            for low, high in pairs],
+        "outcome_rows": [{**vars(row), **row.limits, "basis": "model and noise" if _limited(row) else "noise alone",
+                          **{design: row.limits[("sdd_" if _limited(row) else "noise_sdd_") + design]
+                             for design in DESIGNS}} for row in outcomes],
+        "walked_ends": walked[:1], "walked_apart": [row.told_apart for row in walked if row.told_apart is not None],
         "walked_rows": [{**vars(row), "title": titles[row.outcome], "told": words[row.told_apart],
                          "strides": words[row.beyond_strides]} for row in table.as_walked]}
 
@@ -89,80 +97,81 @@ def _limited(outcome: OutcomeRow) -> bool:
     return outcome.limits["sdd_same_recording"] is not None
 
 
-def _effect_figure(table: SettingsTable, arrays: Arrays) -> Figure:
-    """Six outcomes over the fulcrum's position, each as a difference from the middle position."""
-    positions = np.array(table.positions_mm, dtype=float)
+def _ends(table: SettingsTable) -> dict[str, PairRow]:
+    """By outcome, the two positions furthest apart."""
+    low, high = table.positions_mm[0], table.positions_mm[-1]
+    return {row.outcome: row for row in table.pairs if (row.from_mm, row.to_mm) == (low, high)}
+
+
+def _over(row: PairRow | None, design: str) -> float | None:
+    """The predicted difference over the smallest detectable one."""
+    limit = row and row.limits[f"limit_{design}"]
+    return abs(row.effect) / limit if row and row.effect is not None and limit else None
+
+
+def _count(rows: Iterable[PairRow], design: str) -> tuple[int, int]:
+    """How many are distinguishable, of how many of which that is known."""
+    verdicts = [told_apart(row, design) for row in rows]
+    return verdicts.count(True), len(verdicts) - verdicts.count(None)
+
+
+def _best(table: SettingsTable) -> OutcomeRow:
+    """The outcome that tells the ends of the range apart best."""
+    ends = _ends(table)
+    return max(table.outcomes, key=lambda row: (_limited(row), _over(ends.get(row.name), _BAND) or 0.0))
+
+
+def _apart_figure(table: SettingsTable) -> Figure:
+    """By outcome, the predicted difference of the ends of the range over the smallest detectable one."""
+    rows, ends = table.outcomes, _ends(table)
+    with drawing(PANEL[0], 1.0 + 0.24 * len(rows)) as figure:
+        axes = figure.subplots()
+        for i, row in enumerate(rows):
+            for design, (marker, face, size) in _MARKS.items():
+                axes.plot(_over(ends.get(row.name), design) or np.nan, i, marker=marker, color="0.1",
+                          markerfacecolor=face, markersize=size, linestyle="", clip_on=False)
+        axes.axvline(1.0, color="0.1", linewidth=1.2)
+        axes.set_xlim(left=0.0)
+        axes.set_ylim(len(rows) - 0.4, -0.6)
+        axes.set_yticks(range(len(rows)), [row.title + ("" if _limited(row) else "*") for row in rows])
+        handles = [Line2D([], [], marker=marker, color="0.1", markerfacecolor=face, linestyle="", markersize=size,
+                          label=DESIGNS[design]) for design, (marker, face, size) in _MARKS.items()]
+        figure.legend(handles=handles, loc="lower center", ncols=2)
+        label(axes, x="difference / detectable (1)", y="")
+        say_synthetic(figure, table.synthetic, "trials")
+    return figure
+
+
+def _change_figure(table: SettingsTable, arrays: Arrays) -> Figure:
+    """The best outcome over the fulcrum's position, as a difference from the middle one: every trial, and the mean."""
+    positions, row = np.array(table.positions_mm, dtype=float), _best(table)
     middle = int(np.argmin(np.abs(positions - 0.5 * (positions[0] + positions[-1]))))
-    outcomes, recorded = {row.name: row for row in table.outcomes}, table.trials_mm
-    with drawing(10.6, 6.4) as figure:
-        for axes, name in zip(figure.subplots(2, 3, sharex=True).ravel(), SHOWN, strict=True):
-            row, effects = outcomes[name], arrays["effects"][:, :, list(outcomes).index(name)]
-            _bands(axes, [pair for pair in table.pairs if pair.outcome == name], positions[middle])
-            change = effects - effects[:, middle:middle + 1]
-            for values, at in zip(change, recorded, strict=True):
-                axes.plot(positions, values, color=colour_of(at), linewidth=1.0)
-            axes.plot(positions, np.nanmean(change, axis=0), color="black", linewidth=2.2, marker="o", markersize=4.5)
-            axes.axhline(0.0, color="0.4", linewidth=0.8)
-            axes.set_xticks(positions)
-            label(axes, x="fulcrum from the keel's end (mm)",
-                  y=f"difference from {positions[middle]:g} mm ({row.unit})",
-                  title=row.title + ("" if _limited(row) else ": noise alone"))
-        handles: list[Any] = [Patch(facecolor=_SHADES[d], edgecolor="0.6", label=f"not detectable: {DESIGNS[d]}")
-                              for d in reversed(_SHADES)]
-        handles += [Line2D([], [], color="black", linewidth=2.2, marker=MARKERS[0], markersize=4.5,
-                           label="mean of the trials"),
-                    *(Line2D([], [], color=colour_of(x), label=f"trials recorded at {x:g} mm")
-                      for x in sorted(set(recorded)))]
-        figure.legend(handles=handles, loc="outside lower center", ncols=4)
-        figure.suptitle(("SYNTHETIC trials. " if table.synthetic else "")
-                        + "The same motion walked at every position of the fulcrum", x=0.01, ha="left", fontsize=10.5)
+    effects = arrays["effects"][:, :, [one.name for one in table.outcomes].index(row.name)]
+    change = effects - effects[:, middle:middle + 1]
+    with drawing(*PANEL) as figure:
+        axes = figure.subplots()
+        _band(axes, [pair for pair in table.pairs if pair.outcome == row.name], positions[middle])
+        for values, at in zip(change, table.trials_mm, strict=True):
+            axes.plot(positions, values, color=colour_of(at), linewidth=1.0)
+        axes.plot(positions, np.nanmean(change, axis=0), color="black", linewidth=2.2, marker="o", markersize=4.5)
+        axes.axhline(0.0, color="0.4", linewidth=0.8)
+        axes.set_xticks(positions)
+        handles: list[Any] = [Line2D([], [], color="black", linewidth=2.2, marker="o", markersize=4.5,
+                                     label="mean of the trials"), Patch(facecolor="0.85", label="not distinguishable")]
+        handles += [Line2D([], [], color=colour_of(x), label=f"recorded at {x:g} mm")
+                    for x in sorted(set(table.trials_mm))]
+        figure.legend(handles=handles, loc="lower center", ncols=2)
+        label(axes, x=FULCRUM, y=f"change from {positions[middle]:g} mm ({row.unit})")
+        say_synthetic(figure, table.synthetic, "trials")
     return figure
 
 
-def _bands(axes: Axes, pairs: Sequence[PairRow], here: float) -> None:
-    """What is not detectable from the position `here`, to both sides; next to it as at its neighbour."""
-    for design, shade in _SHADES.items():
-        limits = {row.to_mm if row.from_mm == here else row.from_mm: row.limits[f"limit_{design}"]
-                  for row in pairs if here in (row.from_mm, row.to_mm)}
-        if None in limits.values():
-            continue
-        low, high = (sorted(x for x in limits if (x > here) == ahead) for ahead in (False, True))
-        for x, near in ((low, low[-1:]), (high, high[:1])):
-            at = np.array(sorted([*x, here]))
-            wide = np.array([limits[near[0] if place == here else place] for place in at])
-            axes.fill_between(at, -wide, wide, color=shade, linewidth=0.0, zorder=0)
-
-
-def _name_outcomes(axes: Axes, rows: Sequence[OutcomeRow]) -> None:
-    axes.set_yticks(range(len(rows)), [row.title + ("" if _limited(row) else " (noise alone)") for row in rows])
-
-
-def _pairs_figure(table: SettingsTable) -> Figure:
-    """One panel a design; dark cells are told apart, with the effect over the limit in each."""
-    rows, rank = table.outcomes, table.positions_mm.index
-    pairs = sorted({(row.from_mm, row.to_mm) for row in table.pairs},
-                   key=lambda pair: (rank(pair[1]) - rank(pair[0]), pair))  # near ones first
-    by_pair = {(row.outcome, row.from_mm, row.to_mm): row for row in table.pairs}
-    with drawing(11.0, 1.7 + 0.27 * len(rows)) as figure:
-        for axes, (design, title) in zip(figure.subplots(1, 3, sharey=True), DESIGNS.items(), strict=True):
-            for i, outcome in enumerate(rows):
-                for j, pair in enumerate(pairs):
-                    row = by_pair[(outcome.name, *pair)]
-                    effect, limit, apart = row.effect, row.limits[f"limit_{design}"], told_apart(row, design)
-                    axes.add_patch(Rectangle((j - 0.47, i - 0.45), 0.94, 0.9, facecolor=_FACES[apart], edgecolor="0.7",
-                                             linewidth=0.5))
-                    over = abs(effect) / limit if effect is not None and limit else 0.0
-                    text = "–" if apart is None else f"{over:.{1 if over < 9.95 else 0}f}"
-                    axes.text(j, i, text, ha="center", va="center", fontsize=6.5, color="white" if apart else "black")
-            axes.set_xlim(-0.6, len(pairs) - 0.4)
-            axes.set_ylim(len(rows) - 0.4, -0.6)
-            axes.set_xticks(range(len(pairs)), [f"{a:g}–{b:g}" for a, b in pairs], rotation=90, fontsize=7.5)
-            _name_outcomes(axes, rows)
-            axes.grid(False)
-            axes.tick_params(length=0)
-            label(axes, x="pair of positions (mm)", y="", title=title[0].upper() + title[1:])
-        figure.axes[0].set_ylabel("outcome; in the cells: effect over limit (1)")
-        handles = [Patch(facecolor=_FACES[apart], edgecolor="0.7", label=text)
-                   for apart, text in ((True, "told apart"), (False, "not told apart"))]
-        figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    return figure
+def _band(axes: Axes, pairs: Sequence[PairRow], here: float) -> None:
+    """What is not distinguishable from the position `here`, to both sides; next to it as at its neighbour."""
+    limits = {row.to_mm if row.from_mm == here else row.from_mm: row.limits[f"limit_{_BAND}"]
+              for row in pairs if here in (row.from_mm, row.to_mm)}
+    if None in limits.values():
+        return
+    for own in (sorted((x for x in limits if x < here), reverse=True), sorted(x for x in limits if x > here)):
+        wide = np.array([limits[x] for x in (own[:1] + own)])
+        axes.fill_between([here, *own], -wide, wide, color="0.85", linewidth=0.0, zorder=0)
