@@ -67,14 +67,14 @@ def make_chapters(
 
 def _summary(content: Content, arrays: Arrays) -> Chapter:
     tables = {name: (content["sections"].get(name) or {}).get("table") or {}
-              for name in ("bench", "settings", "walking")}
+              for name in ("bench", "walking")}
     shown = tables["walking"].get("shown") or {}
     moved = {key.removeprefix("walking/moved_"): array for key, array in arrays.items() if "/moved_" in key}
     return Chapter(
         name="summary", title="", template="validation/summary.html.j2", missing=content.get("notes", ()),
         facts={**content, "summary": [row for row in content["summary"] if row.get("value") is not None],
                "verdict": content.get("verdict", ()), "failed": content.get("failed", ()),
-               "on_bench": tables["bench"].get("contact_on_bench"), "answer": tables["settings"].get("answer"),
+               "on_bench": tables["bench"].get("contact_on_bench"),
                "walk": shown, "moved": moved_walk(moved, shown["fulcrum_mm"]) if moved and shown else None})
 
 
