@@ -11,7 +11,7 @@ from vsf_drake.analysis.contact_fit import ContactFit
 from vsf_drake.analysis.contact_fit.assessment import failure, simulated_bench
 from vsf_drake.analysis.contact_fit.parameters import standard_parameters
 from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, JointEnd, solve
-from vsf_drake.analysis.contact_fit.solve import FitSearch, uncertainty
+from vsf_drake.analysis.contact_fit.solve import FitSearch, uncertainty, uncertainty_at
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.contact_file import load_contact, model_with, save_contact
 from vsf_drake.errors import FitError, SimulationError
@@ -31,7 +31,7 @@ def ended(fit, u, **changes):
     search = FitSearch(start=u, u=u, start_cost=at.cost, cost=at.cost, success=True, message="done", evaluations=1,
                        failed=0)
     end = JointEnd(u=u, evaluation=at, searches=(search,), best=0,
-                   uncertainty=uncertainty(fit.parameters, u, at.terms, fit.options.noise))
+                   uncertainty=uncertainty_at(fit, u))
     return replace(ContactFitSolution(fit=fit, success=True, message="done", end=end, wall_s=1.0), **changes)
 
 
@@ -151,6 +151,17 @@ def test_solve_ends_at_the_lowest_of_its_searches(few_free):
     assert end.uncertainty.names == ("contact.forefoot.force", "offset.height")
     assert found.wall_s > 0.0
     assert [s.cost for s in end.alike()] == [s.cost for s in searches if s.cost <= min(t.cost for t in searches) + 2.0]
+
+
+def test_what_is_held_with_a_prior_widens_the_errors_and_what_is_held_without_one_is_known(few_free):
+    few = few_free("offset.height", "offset.alignment", step_s=4e-3)
+    held, u = [name for name in few.parameters.by_name if name not in few.parameters.names], np.zeros(2)
+    known = few.with_parameters(few.parameters.changed(held, prior=False))
+    alone = uncertainty(few.parameters, u, few.evaluate(u).terms, few.joint.noise)
+    np.testing.assert_array_equal(uncertainty_at(known, u).standard_error, alone.standard_error)
+    assert np.all(uncertainty_at(few, u).standard_error > 1.5 * alone.standard_error)
+    sure = few.with_parameters(few.parameters.changed(held, scale=1e-6))
+    np.testing.assert_allclose(uncertainty_at(sure, u).standard_error, alone.standard_error, rtol=1e-4)
 
 
 def test_a_converged_search_is_preferred_to_a_lower_one_that_is_not(few_free, monkeypatch):
