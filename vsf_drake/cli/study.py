@@ -30,7 +30,7 @@ def validate(
     quick: Annotated[bool, typer.Option(
         "--quick", help="The short form: one embedded walk a setting, coarser steps, small samples.")] = False,
     full: Annotated[bool, typer.Option(
-        "--full", help="With what takes longest: which settings can be told apart, sensitivity, energies in finer "
+        "--full", help="With what takes longest: which settings can be distinguished, sensitivity, energies in finer "
                        "steps. Of the embedded trials the first two come with the package.")] = False,
     recompute: Annotated[bool, typer.Option(
         "--recompute", help="Compute all of --full, also what comes with the package.")] = False,

@@ -20,6 +20,7 @@ from vsf_drake.analysis.metrics import UNFITTED, Agreement
 from vsf_drake.bench_curves import STIFFNESS_ABOVE_N
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.report.style import (
+    FULCRUM,
     HEEL_COLOUR,
     MARKERS,
     MEASURED,
@@ -31,6 +32,7 @@ from vsf_drake.report.style import (
     label,
     log_scale,
     name_of,
+    tag,
 )
 from vsf_drake.simulation.results import LARGEST_DRIFT_M, NUDGE_M, BenchResult, StandingTable, WalkResult
 
@@ -38,7 +40,7 @@ if TYPE_CHECKING:  # it would bring Drake
     from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
 
 _ZONE_LINES = ("-", (0, (4, 1.6)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2, 2)))
-TITLE_WIDTH = 110  # letters on a line of the title: what the figure is wide enough for
+WIDTH, TITLE_WIDTH = 5.4, 60  # inches, and letters on a line of the title
 MOST_LABELLED = 4  # stances that the legend tells apart; a longer recording shows its footprints without one
 PROSTHETIC, INTACT, BOTH = colour_of(66.0), colour_of(151.0), "0.1"
 LIMIT_MM = 1e3 * LARGEST_DRIFT_M  # where standing still ends, marked in the figure
@@ -54,13 +56,12 @@ def bench_figure(bench: BenchResult, table: BenchTable) -> Figure:
 
     After Figure 4 of McGeehan 2021 (doi 10.1115/1.4050456), with the published end points beside it.
     """
-    with drawing(10.0, 4.6) as figure:
-        left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
+    with drawing(WIDTH, 6.6) as figure:
+        left, right = figure.subplots(2)
         _bench_curves(left, bench)
         _bench_stiffness(right, bench, table)
         state = "" if bench.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
-        title = f"Testing machine, {table.speed_mm_per_min:g} mm/min, up to {bench.max_load_n:g} N{state}"
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+        _head(figure, f"Testing machine, {table.speed_mm_per_min:g} mm/min, up to {bench.max_load_n:g} N{state}")
     return figure
 
 
@@ -68,9 +69,9 @@ def _bench_curves(axes: Axes, bench: BenchResult) -> None:
     settings = [*bench.forefoot, *([bench.heel] if bench.heel else [])]
     for i, setting in enumerate(settings):
         x, at = 1e3 * displacement(setting), None if setting.fulcrum_m is None else 1e3 * setting.fulcrum_m
-        colour, marker = colour_of(at), "*" if at is None else MARKERS[i % len(MARKERS)]
-        axes.plot(x, setting.load_n, color=colour, label=name_of(at), marker=marker,
-                  markevery=(0.06 + 0.02 * i, 0.17), markersize=4.5, **SIMULATED)
+        colour = colour_of(at)
+        axes.plot(x, setting.load_n, color=colour, label="simulated" if i == 0 else None, **SIMULATED)
+        tag(axes, "heel" if at is None else f"{at:g}", (x[-1], setting.load_n[-1]), colour, offset=(0, 4), ha="center")
         published = published_stiffness(setting.fulcrum_m)
         if published is not None:  # a line of that slope through the simulated curve at 200 N
             x0 = float(np.interp(STIFFNESS_ABOVE_N, setting.load_n, displacement(setting)))
@@ -79,11 +80,10 @@ def _bench_curves(axes: Axes, bench: BenchResult) -> None:
     axes.axhline(STIFFNESS_ABOVE_N, color=NEUTRAL, linewidth=0.8, linestyle=":")
     axes.plot([], [], color=NEUTRAL, label="published slope (offset not published)", **MEASURED)
     axes.set_xlim(left=0.0)
+    axes.margins(y=0.1)
     axes.set_ylim(bottom=0.0)
-    axes.legend(loc="lower right", title="dashed: simulated", title_fontsize=8.0, alignment="left", frameon=True,
-                facecolor="white", edgecolor="none", framealpha=1.0)
-    label(axes, x="displacement of the platen (mm)", y="load (N)",
-          title=f"Load and displacement (dotted: {STIFFNESS_ABOVE_N:g} N, above which stiffness is the mean slope)")
+    axes.legend(loc="lower right", title="numbers: fulcrum (mm)", alignment="left")
+    label(axes, x="displacement of the platen (mm)", y="load (N)", title="Load and displacement")
 
 
 def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
@@ -101,9 +101,8 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
         axes.plot(fulcrum_mm, row.stiffness_n_per_mm, marker=MARKERS[i % len(MARKERS)], color=colour,
                   markersize=7, linestyle="", markerfacecolor="none" if published is None else colour)
         axes.annotate(f"{row.stiffness_n_per_mm:.1f}", (fulcrum_mm, row.stiffness_n_per_mm),
-                      xytext=(0, 8), textcoords="offset points", ha="center", fontsize=8)
-    axes.plot([], [], linestyle="", marker="o", color=NEUTRAL, label="simulated, where something is published")
-    axes.plot([], [], linestyle="", marker="o", markerfacecolor="none", color=NEUTRAL, label="simulated, elsewhere")
+                      xytext=(0, 8), textcoords="offset points", ha="center")
+    axes.plot([], [], linestyle="", marker="o", color=NEUTRAL, label="simulated (full where published)")
     axes.plot([], [], linestyle="", marker="_", markersize=14, markeredgewidth=3.5, color=NEUTRAL,
               alpha=MEASURED["alpha"], label="published")
     axes.plot([row.fulcrum_mm for row in rows], [row.tuned_joints_n_per_mm or np.nan for row in rows], linestyle="",
@@ -111,11 +110,12 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
     heel = table.heel_stiffness_n_per_mm
     if heel is not None:
         text = f"heel: {heel:.1f} N/mm (published {table.heel_published_n_per_mm:g})"
-        axes.text(0.98, 0.03, text, color=HEEL_COLOUR, transform=axes.transAxes, ha="right", fontsize=8)
+        axes.text(0.98, 0.03, text, color=HEEL_COLOUR, transform=axes.transAxes, ha="right")
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.1, y=0.15)
     axes.legend(loc="upper left")
-    label(axes, x="fulcrum from the keel's posterior end (mm)", y="stiffness (N/mm)", title="Stiffness above 200 N")
+    label(axes, x=FULCRUM, y="stiffness (N/mm)",
+          title=f"Stiffness above {STIFFNESS_ABOVE_N:g} N")
 
 
 def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -> Figure:
@@ -131,13 +131,13 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
     kind = "synthetic walk, not recorded" if result.synthetic else "recorded walk"
     state = "" if result.converged else f", {result.unconverged_steps} STEPS NOT CONVERGED"
     state += f", {UNFITTED}" if any(note.startswith(UNFITTED) for note in result.notes) else ""
-    with drawing(11.0, 8.2) as figure:
+    with drawing(WIDTH, 7.4) as figure:
         panels = figure.subplots(3, 2)
         for axes, name, column, error in (
                 (panels[0, 0], "Resultant", None, metrics.grf_rmse_bw),
                 (panels[0, 1], "Vertical", 2, metrics.vertical_rmse_bw),
-                (panels[1, 0], "Fore-aft (forward +)", 0, metrics.fore_aft_rmse_bw),
-                (panels[1, 1], "Medio-lateral (left +)", 1, metrics.medio_lateral_rmse_bw)):
+                (panels[1, 0], "Fore-aft", 0, metrics.fore_aft_rmse_bw),
+                (panels[1, 1], "Lateral", 1, metrics.medio_lateral_rmse_bw)):
             _shade(axes, comparison)
             for force, look in ((measured, MEASURED), (model, SIMULATED)):
                 shown = np.linalg.norm(force, axis=1) if column is None else force[:, column]
@@ -150,14 +150,18 @@ def walk_figure(result: WalkResult, plate: PlateRecording, metrics: Agreement) -
             Line2D([], [], color=colour, label="reference (synthetic)" if result.synthetic else "force plate",
                    **MEASURED),
             Line2D([], [], color=colour, label="simulated", **SIMULATED),
-            Line2D([], [], color=NEUTRAL, linewidth=0.7, linestyle=":", label="scored: stance ± 0.25 s")]
+            Line2D([], [], color=NEUTRAL, linewidth=0.7, linestyle=":", label="compared: stance ± 0.25 s")]
         if not all(item.inside for item in comparison.stances):
             handles.append(Patch(facecolor=SHADE, edgecolor=NEUTRAL, linewidth=0.6,
                                  label="stance cut by the simulated time"))
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        figure.legend(handles=handles, loc="lower center", ncols=2)
         title = f"{result.trial_name}: {kind}, {result.side} prosthesis, {name_of(fulcrum_mm)}{state}"
-        figure.suptitle(textwrap.fill(title, TITLE_WIDTH), x=0.01, ha="left", fontsize=11)
+        _head(figure, title)
     return figure
+
+
+def _head(figure: Figure, title: str) -> None:
+    figure.suptitle(textwrap.fill(title, TITLE_WIDTH), x=0.01, ha="left", fontsize=9.5)
 
 
 def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
@@ -168,8 +172,8 @@ def zone_loads(result: WalkResult) -> dict[str, np.ndarray]:
     return {zone: result.sphere_normal_n[:, names == zone].sum(axis=1) for zone in dict.fromkeys(result.sphere_zones)}
 
 
-def _error(value: float | None, unit: str, what: str = "RMSE") -> str:
-    return "" if value is None else f", {what} {value:.3f} {unit}"
+def _error(value: float | None, unit: str) -> str:
+    return "" if value is None else f", RMSE {value:.3f} {unit}"
 
 
 def _shade(axes: Axes, comparison: Comparison) -> None:
@@ -202,9 +206,8 @@ def _centre_of_pressure(axes: Axes, result: WalkResult, comparison: Comparison, 
     if 1 < len(axes.get_legend_handles_labels()[0]) <= MOST_LABELLED:
         axes.legend(loc="upper left")
     axes.set_xlim(0.0, 100.0)
-    label(axes, x="measured stance (%)", y="ahead of the plate's\nrearmost point (foot lengths)",
-          title="Centre of pressure along the foot" + _error(metrics.cop_rmse_fl, "FL")
-          + _error(metrics.cop_ml_rmse_fl, "FL", "lateral"))
+    label(axes, x="measured stance (%)", y="ahead of the\nrearmost (foot lengths)",
+          title="CoP" + _error(metrics.cop_rmse_fl, "FL"))
 
 
 def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
@@ -213,22 +216,23 @@ def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
     for i, (zone, load) in enumerate(loads.items()):
         shade = str(0.05 + 0.5 * i / max(1, len(loads) - 1))
         axes.plot(result.time_s, load, color=shade, linewidth=1.3, linestyle=_ZONE_LINES[i % len(_ZONE_LINES)],
-                  label=zone.replace("_", " "))
+                  label=zone.replace("_", " ").replace("posterior", "post.").replace("anterior", "ant."))
     axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
-    axes.legend(loc="best", ncols=2)
-    label(axes, x="time (s)", y="normal force (N)", title="Simulated load of the zones of the sole, unfiltered")
+    axes.set_ylim(0.0, 1.7 * max(1.0, *(float(np.max(load)) for load in loads.values())))
+    axes.legend(loc="upper left", ncols=2, handlelength=1.2, columnspacing=0.6, handletextpad=0.4)
+    label(axes, x="time (s)", y="normal force (N)", title="Simulated load by zone")
 
 
 def standing_figure(table: StandingTable) -> Figure:
     """The force under each foot and under both against the weight, and how the pelvis drifts."""
-    with drawing(9.0, 4.2) as figure:
-        left, right = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
+    with drawing(WIDTH, 6.0) as figure:
+        left, right = figure.subplots(2)
         _forces(left, table)
         _drift(right, table)
         verdict = "stands" if table.stands else "DOES NOT STAND STILL"
         state = "" if table.converged else f", {table.unconverged_steps} STEPS NOT CONVERGED"
-        figure.suptitle(f"{table.subject}, {table.prosthetic_side} prosthesis, fulcrum "
-                        f"{table.fulcrum_mm:g} mm: {verdict}{state}", x=0.01, ha="left", fontsize=11)
+        _head(figure, f"{table.subject}, {table.prosthetic_side} prosthesis, fulcrum {table.fulcrum_mm:g} mm: {verdict}"
+              f"{state}")
     return figure
 
 
@@ -261,8 +265,8 @@ def _drift(axes: Axes, table: StandingTable) -> None:
     lines = [f"largest {table.drift_mm:.2g} mm, {table.turn_deg:.2g}°",
              f"tilt {angles['tilt']:+.1f}°, list {angles['list']:+.1f}°", f"free: {', '.join(free)}",
              "held by: " + (", ".join(held) or "nothing")]
-    axes.text(0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=8, linespacing=1.5)
-    label(axes, x="time (s)", y="distance of the pelvis from its start (mm)",
+    axes.text(0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top")
+    label(axes, x="time (s)", y="pelvis from its start (mm)",
           title=f"How still: let go {1e3 * NUDGE_M:g} mm off rest")
 
 
@@ -294,7 +298,7 @@ def sweep_figure(table: SweepTable, rows: Sequence[SweepRow]) -> Figure:
             if min(values) > 0.0 and max(values) / min(values) > _WIDE:
                 log_scale(axes.xaxis)
             label(axes, x="", y=y, title=title)
-        figure.axes[1].set_xlabel("fulcrum from the keel's posterior end (mm)" if name == "fulcrum_mm"
+        figure.axes[1].set_xlabel(FULCRUM if name == "fulcrum_mm"
                                   else f"{name} ({column['unit']})")
         # legends leave out what begins with an underscore
         figure.legend(lines, [f" {trial.name}" if trial.name.startswith("_") else trial.name

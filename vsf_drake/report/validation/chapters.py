@@ -28,7 +28,7 @@ _MAKERS: dict[str, tuple[str, Callable[..., Chapter]]] = {
     "bench": ("Bench", bench_chapter), "standing": ("Standing", standing_chapter),
     "walking": ("Walking", walking_chapter), "walking_exact": ("Without errors of measurement", exact_chapter),
     "energy": ("Energy storage and return", energy_chapter), "roll_over": ("Roll-over", roll_over_chapter),
-    "settings": ("Can two settings be told apart?", settings_chapter),
+    "settings": ("Can two settings be distinguished?", settings_chapter),
     "sensitivity": ("Sensitivity", sensitivity_chapter)}
 """By section: what its chapter is called if it cannot be made, and what makes it."""
 
