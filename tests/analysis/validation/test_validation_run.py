@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from made_study import embedded_study
 from vsf_drake.analysis.validation import run as running
 from vsf_drake.analysis.validation.run import Finished, Part, SectionStore, shipped_key, study_key, summary_rows
 from vsf_drake.analysis.validation.study import Section
+from vsf_drake.sentences import say
 
 
 @dataclass(frozen=True)
@@ -159,3 +161,25 @@ def test_a_bench_that_the_foot_was_fitted_to_meets_no_criterion():
     table = {"stiffness_r2": 0.999, "contact_on_bench": ["fitted to a bench"]}
     row = next(row for row in summary_rows({"bench": table}, synthetic=False) if row.key == "bench/stiffness_r2")
     assert (row.met, row.asked) == (None, None) and row.what.endswith("(fitted to a bench)")
+
+
+def role(n, error, null=None, beats=0):
+    return SimpleNamespace(n=n, beats_null=beats, beats_null_of=n,
+                           scores=SimpleNamespace(grf_rmse_bw=error, null_model_grf_rmse_bw=null))
+
+
+@pytest.mark.parametrize(("found", "said"), [
+    ({"held_out": role(7, 0.028, 0.042, 6)}, "On 7 held-out walks, the RMS error of the resultant ground reaction "
+     "force is 2.8 % of body weight with the model and 4.2 % with the null model, another walk's plate curve stretched "
+     "to the stance; "
+     "the model has the smaller error in 6 of 7."),
+    ({"held_out": role(1, 0.05), "synthetic": True}, "On 1 held-out walk (SYNTHETIC), the RMS error of the resultant "
+     "ground reaction force is 5.0 % of body weight; there is no other walk to make a null model of."),
+    ({"fitted": role(2, 0.01)}, "No walk was held out. On the walks that it was fitted to, the model's RMS error of "
+     "the resultant ground reaction force is 1.0 % of body weight; that is no prediction.")])
+def test_the_verdict_compares_the_model_with_the_null_model_on_walks_it_has_not_seen(found, said):
+    walking = SimpleNamespace(**{"held_out": None, "fitted": None, "offsets_fitted": None, "layers": [],
+                                 "angle_errors": [], "synthetic": False} | found)
+    assert say("validation", "verdict", walking=walking, bench=None, unmet=[]) == [said]
+    assert say("validation", "verdict", walking=None, bench=None, unmet=["bench"]) == [
+        "No walk could be compared with its plate.", "Asked and not met: bench."]

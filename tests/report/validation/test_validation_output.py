@@ -5,14 +5,15 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from jinja2 import ChoiceLoader, DictLoader
 
-from vsf_drake.analysis.validation.run import SavedSection, Validation
+from vsf_drake.analysis.validation.run import SavedSection, SummaryRow, Validation
 from vsf_drake.errors import InputError
 from vsf_drake.report import page
 from vsf_drake.report.page import Chapter
@@ -89,6 +90,18 @@ def test_page_figures_tables_and_numbers_are_written(tmp_path):
     for words in ("Error 0.333 BW.", "No CoP was measured.", "low_9 is not among the results",
                   "Not among these results"):
         assert words in shown
+
+
+@pytest.mark.parametrize("synthetic", [True, False])
+def test_synthetic_numbers_share_no_table_with_the_paper_s(tmp_path, synthetic):
+    row = SummaryRow(what="Held-out walks", key="walking/x", value=0.02, unit="% BW", paper="10 to 14", shown="2.00",
+                     asked=None if synthetic else "at most 10", met=None if synthetic else True)
+    write_validation(replace(content(), summary=(row,), synthetic=synthetic), ARRAYS, tmp_path / "out")
+    shown = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    heads = re.search(r"<thead>.*?</thead>", shown)[0]
+    assert re.findall(r">([^<>]+)</th>", heads) == (
+        ["what", "SYNTHETIC", "unit"] if synthetic else ["what", "here", "unit", "paper", "asked", "met"])
+    assert "Held-out walks: 10 to 14 % BW</li>" in shown, "folded, in a list of its own"
 
 
 def test_results_read_back_are_those_that_were_written_and_give_the_same_report_to_the_byte(tmp_path):
