@@ -29,21 +29,21 @@ FIT = ResultsFolder(
     unfinished=lambda out: (out / CHECKPOINT).exists())
 _SHOWN = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("°", 180.0 / math.pi), "N/m": ("N/mm", 1e-3),
           "Pa": ("GPa", 1e-9), "1": ("", 1.0)}
-_FIRST = ("trial", "role", "fulcrum\nmm")
+_FIRST = ("trial", "role", "fulcrum mm")
 _SCORES: tuple[tuple[str, Callable[[TrialScore], float | None], str, float], ...] = (
-    ("GRF\n% BW", lambda score: score.metrics.grf_rmse_bw, "{:.1f}", 100.0),
+    ("GRF % BW", lambda score: score.metrics.grf_rmse_bw, "{:.1f}", 100.0),
     ("R²", lambda score: score.metrics.grf_r2, "{:.3f}", 1.0),
-    ("fore-aft\n% BW", lambda score: score.metrics.fore_aft_rmse_bw, "{:.1f}", 100.0),
-    ("CoP\n% FL", lambda score: score.metrics.cop_rmse_fl, "{:.1f}", 100.0),
-    ("CoP\nlateral\n% FL", lambda score: score.metrics.cop_ml_rmse_fl, "{:.1f}", 100.0),
-    ("impulse\nBW s", lambda score: score.metrics.impulse_rmse_bws, "{:.3f}", 1.0),
-    ("stance\nerror s", lambda score: score.metrics.stance_error_s, "{:+.3f}", 1.0),
-    ("null\nmodel\n% BW", lambda score: score.metrics.null_model_grf_rmse_bw, "{:.1f}", 100.0),
-    ("floor\n% BW", lambda score: score.floor_grf_rmse_bw, "{:.1f}", 100.0),
-    ("sweep:\nbest mm", lambda score: None if score.sweep is None else score.sweep.best_mm, "{:.0f}", 1.0))
+    ("fore-aft % BW", lambda score: score.metrics.fore_aft_rmse_bw, "{:.1f}", 100.0),
+    ("CoP % FL", lambda score: score.metrics.cop_rmse_fl, "{:.1f}", 100.0),
+    ("CoP lateral % FL", lambda score: score.metrics.cop_ml_rmse_fl, "{:.1f}", 100.0),
+    ("impulse BW s", lambda score: score.metrics.impulse_rmse_bws, "{:.3f}", 1.0),
+    ("stance error s", lambda score: score.metrics.stance_error_s, "{:+.3f}", 1.0),
+    ("null model % BW", lambda score: score.metrics.null_model_grf_rmse_bw, "{:.1f}", 100.0),
+    ("floor % BW", lambda score: score.floor_grf_rmse_bw, "{:.1f}", 100.0),
+    ("sweep: best mm", lambda score: None if score.sweep is None else score.sweep.best_mm, "{:.0f}", 1.0))
 """Columns of the table of trials: heading, number, form and factor."""
 HEADINGS = (*_FIRST, *(heading for heading, *_ in _SCORES), "right")
-"""Of the cells of `trial_cells`, each with its unit; lines where a heading may be broken."""
+"""Of the cells of `trial_cells`, each with its unit."""
 
 
 def clear_fit(out: Path, *, checkpoint: bool = True) -> None:
@@ -116,7 +116,7 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
     return str(render(
         "fit.html.j2", fit=table, figures=figures, synthetic=synthetic_of(table),
         title=title[0].upper() + title[1:] if table.success else f"FAILED: {title}", judged=bool(scores),
-        trial_headings=[HEADINGS[i].replace("\n", " ") for i in columns],
+        trial_headings=[HEADINGS[i] for i in columns],
         trial_rows=[[trial_cells(trial)[i] for i in columns] for trial in table.trials if trial.score or not scores],
         angle_error_rows=[(row.role, row.layer, f"{row.sd_deg:g}", str(row.walks), str(row.failed),
                            number(row.grf_rmse_bw, "{:.1f}", 100.0), number(row.grf_rmse_bw_worst, "{:.1f}", 100.0),
