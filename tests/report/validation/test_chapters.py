@@ -72,7 +72,7 @@ TELEPHONE_PX, LEAST_PX = 366.0, 8.0  # width of a page's content on a telephone 
 
 def assert_sound(chapter, table, arrays):
     """Figures tell their finding in a title and in numbers, with units on their axes and letters for a telephone;
-    every table can be shown and written."""
+    every table can be shown and written; what is open is short."""
     shown = Shown(chapter(table, arrays))
     for name, alt in shown.alts.items():
         assert re.search(r"\d", alt) and len(alt) > 50 and shown.captions[name] and shown.titles[name], name
@@ -88,6 +88,8 @@ def assert_sound(chapter, table, arrays):
         for row in plain(grid.rows):
             texts = [cell(column, row.get(column.key)) for column in grid.columns]
             assert all(texts) and not any("nan" in text.lower() or text == "None" for text in texts), grid.name
+    seen = re.sub(r"<details.*?</details>", "", shown.html, flags=re.DOTALL)
+    assert len(re.sub(r"<[^>]+>", " ", seen).split()) <= 450 and seen.count("<table") <= 2, "the rest is folded"
     assert ">nan<" not in shown.html and ">None<" not in shown.html and "None" not in shown.words
     return shown
 
