@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_tuning import BEST, REACH, made_schedule, parabola, task
 
@@ -87,6 +87,7 @@ def test_lookup_is_linear_between_tasks_and_clamped_outside():
         assert schedule.lookup(speed=speed) == pytest.approx(expected, abs=1e-9)
 
 
+@settings(deadline=None)
 @given(st.floats(0.0, 3.0), st.floats(0.1, 20.0))
 def test_lookup_stays_within_the_reach_and_on_a_step_of_the_carriage(speed, step):
     schedule = made_schedule(resolution_mm=None)
