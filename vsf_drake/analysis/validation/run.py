@@ -58,13 +58,14 @@ class Part(NamedTuple):
 
 
 _SECTIONS = {  # what a page needs first comes first
-    "walking": Part(walking_section, WalkingTable, 20.0), "bench": Part(bench_section, BenchSectionTable, 5.0),
+    "bench": Part(bench_section, BenchSectionTable, 5.0), "walking": Part(walking_section, WalkingTable, 20.0),
     "energy": Part(energy_section, EnergyTable, 30.0), "standing": Part(standing_section, StoodTable, 5.0),
     "roll_over": Part(roll_over_section, RollOverTable, 20.0),
     "settings": Part(settings_section, SettingsTable, 90.0, full=True),
     "sensitivity": Part(sensitivity_section, SensitivityTable, 180.0, full=True)}
 NAMES = (*_SECTIONS, EXACT)
 LONG = tuple(name for name, part in _SECTIONS.items() if part.full)
+EVERY_S = 10.0  # between two pages that grow (a choice: to write one takes about 3)
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 
@@ -92,21 +93,18 @@ def run_sections(
 
     A section that fails (a bench that gives way, a simulation that diverges) is named with the reason and stops no
     other. Finished sections are kept in `folder`, so that an interrupted run of the same study goes on; those of the
-    full form may come from `shipped`. `grown` is called with what is finished and what is to come, after each section
-    but the last that was computed.
+    full form may come from `shipped`. `grown` is called with what is finished and what is to come, after the first
+    section that was computed and then, at most every EVERY_S, after others but the last.
     """
     finished: dict[str, Finished] = {}
-    plan: list[tuple[str, Part, Study]] = []
-    for name, part in ((name, part) for name, part in _SECTIONS.items()
-                       if names is None or name in names):
-        stored = shipped.read(name, part.table) if shipped and part.full else None
-        if stored is not None:
-            finished[name] = stored
-        elif study.options.full or not part.full:
-            plan.append((name, part, study))
+    asked = {name: part for name, part in _SECTIONS.items() if names is None or name in names}
+    stored = {name: one for name, part in asked.items()
+              if shipped and part.full and (one := shipped.read(name, part.table))}
+    plan = [(name, part, study) for name, part in asked.items()
+            if name not in stored and (study.options.full or not part.full)]
     if exact is not None:
         plan.append((EXACT, _SECTIONS["walking"], exact))
-    total, before = sum(part.about_s for _, part, _ in plan), 0.0
+    total, before, shown_s = sum(part.about_s for _, part, _ in plan), 0.0, -math.inf
     for i, (name, part, own) in enumerate(plan):
         def show(what: str, fraction: float, name: str = name, before: float = before, part: Part = part) -> None:
             if progress:
@@ -129,10 +127,11 @@ def run_sections(
         finished[name] = Finished(section=section, wall_s=time.perf_counter() - began, failure=failure)
         if store:
             store.write(name, finished[name])
-        if grown and i + 1 < len(plan):
+        if grown and i + 1 < len(plan) and time.perf_counter() > shown_s + EVERY_S:
             show("writing the page", 1.0)
-            grown(finished, [name for name, _, _ in plan[i + 1:]])
-    return finished
+            grown(finished, [*(name for name, _, _ in plan[i + 1:]), *stored])
+            shown_s = time.perf_counter()
+    return finished | stored
 
 
 def study_key(study: Study) -> str:
