@@ -218,7 +218,7 @@ def _zones(axes: Axes, result: WalkResult, comparison: Comparison) -> None:
         axes.plot(result.time_s, load, color=shade, linewidth=1.3, linestyle=_ZONE_LINES[i % len(_ZONE_LINES)],
                   label=zone.replace("_", " ").replace("posterior", "post.").replace("anterior", "ant."))
     axes.set_xlim(comparison.time_s[0], comparison.time_s[-1])
-    axes.set_ylim(0.0, 1.7 * max(1.0, *(float(np.max(load)) for load in loads.values())))
+    axes.set_ylim(0.0, 2.0 * max(1.0, *(float(np.max(load)) for load in loads.values())))
     axes.legend(loc="upper left", ncols=2, handlelength=1.2, columnspacing=0.6, handletextpad=0.4)
     label(axes, x="time (s)", y="normal force (N)", title="Simulated load by zone")
 
