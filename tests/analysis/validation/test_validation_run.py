@@ -180,6 +180,7 @@ def role(n, error, null=None, beats=0):
 def test_the_verdict_compares_the_model_with_the_null_model_on_walks_it_has_not_seen(found, said):
     walking = SimpleNamespace(**{"held_out": None, "fitted": None, "offsets_fitted": None, "layers": [],
                                  "angle_errors": [], "synthetic": False} | found)
-    assert say("validation", "verdict", walking=walking, bench=None, unmet=[]) == [said]
-    assert say("validation", "verdict", walking=None, bench=None, unmet=["bench"]) == [
+    assert say("validation", "verdict", walking=walking, to_come=False, bench=None, unmet=[]) == [said]
+    assert say("validation", "verdict", walking=None, to_come=False, bench=None, unmet=["bench"]) == [
         "No walk could be compared with its plate.", "Asked and not met: bench."]
+    assert say("validation", "verdict", walking=None, to_come=True, bench=None, unmet=[]) == [], "not yet"

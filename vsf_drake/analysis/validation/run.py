@@ -317,6 +317,7 @@ def validation_content(
     content = Validation(
         title=f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}", first_line=first_line(study),
         verdict=tuple(say("validation", "verdict", walking=found.get("walking"), bench=found.get("bench"),
+                          to_come="walking" not in finished,
                           unmet=[row.what for row in summary if row.met is False])),
         synthetic=study.synthetic, sections={
             name: SavedSection(
