@@ -50,7 +50,7 @@ def trial_figures(trial: Recorded, weight_n: float) -> dict[str, float]:
     path = trial.coordinates[:, COORDINATES.index("pelvis_tx")]
     knee = np.interp(time, trial.time_s, trial.coordinates[:, COORDINATES.index("knee_angle_r")])
     swing = ((time < start - 0.1) | (time > end + 0.1)) & (trial.right.force[:, 2] == 0.0)
-    swing &= time < strikes[-1] - 0.1
+    swing &= (time < strikes[-1] - 0.1) & (time > end - (strikes[-1] - strikes[0]) + 0.1)
     q, qd = trial.trajectory.sample(np.array([strikes[0], strikes[-1]]))[:2]
     turned = [k for k, name in enumerate(COORDINATES) if name not in PELVIS_TRANSLATIONS]
     return {

@@ -80,6 +80,8 @@ MEAN_SPEED_M_PER_S, MEAN_STANCE_S, SPEED_PER_STANCE = 1.10, 0.743, 0.8
 """Faster (m/s) by 0.8 per second of shorter stance, about the mean of the published stance times: 1.0 to 1.2 m/s."""
 RISE_M, CONDITIONED = (1e-3, 1.5e-3, 3e-3), 6
 """Tolerated amplitudes (m) of the centre of mass's height, once to three times a stride, and steps; see `lifted`."""
+SOONEST_SD = {"loading": -1.6, "first_peak_at": -2.2}
+"""`lifted` moves these no farther: the curve through a sooner first peak overshoots it by a fifth of the weight."""
 WIDEST_SD = 1.6
 """No draw lies farther from its mean than this many standard deviations, before `lifted`."""
 
@@ -216,7 +218,7 @@ def lifted(draw: Draw, rise: np.ndarray) -> Draw:
         h = reached(moved(x))
         J = np.column_stack([reached(moved(x + row)) - h for row in 0.1 * np.eye(len(x))]) / 0.1
         x = J.T @ np.linalg.solve(J @ J.T + np.diag(tolerated), wished + J @ x - h)
-    return moved(x)
+    return moved(np.maximum(x, [SOONEST_SD.get(name, -np.inf) for name in SHAPING]))
 
 
 def harmonics(values: np.ndarray, count: int) -> np.ndarray:
