@@ -51,7 +51,8 @@ def style() -> AbstractContextManager[None]:
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure (inches) that needs no display."""
-    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout=_Margins(pad=0.9, w_pad=1.6, h_pad=1.3))
+    margins = _Margins(pad=0.9, w_pad=1.6, h_pad=1.3, rect=None)  # type: ignore[arg-type] # None measures once, not twice
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout=margins)
     FigureCanvasAgg(figure)
     return figure
 
@@ -68,7 +69,8 @@ class _Margins(TightLayoutEngine):
                 low = max(low, extent.y1)
             else:
                 right = min(right, extent.x0)
-        self.set(rect=(0.0, low, right, 1.0))
+        if low > 0.0 or right < 1.0:
+            self.set(rect=(0.0, low, right, 1.0))
         for title in fig.texts if fig.get_suptitle() else ():
             if title.get_text() == fig.get_suptitle():
                 title.set_y(1.0 - 0.08 / fig.get_figheight())  # inches, however high the figure is
