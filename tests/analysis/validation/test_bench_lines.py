@@ -1,4 +1,4 @@
-"""Curves of the bench: statistics and shapes of known answer, SciPy's regression, and the bench that a fit takes."""
+"""Curves of the bench: statistics and shapes of known answer, and the bench that a fit takes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from vsf_drake.analysis.validation.bench_lines import (
     curve_values,
     load_measured_bench,
     mean_and_half_width,
-    regression,
     rising,
     statistics,
     up_to,
@@ -26,20 +25,6 @@ from vsf_drake.files import resource
 
 MEASURED = np.array([10.0, 13.7, 18.4, 24.3, 32.0])
 LOADS = np.linspace(0.0, 600.0, 601)
-
-
-def test_the_regression_is_scipys_and_its_band_that_of_the_mean_response():
-    simulated, at = MEASURED + np.array([0.3, -0.4, 0.2, 0.1, -0.6]), np.array([MEASURED.mean(), 40.0])
-    band = regression(MEASURED, simulated, at)
-    theirs, t = stats.linregress(MEASURED, simulated), stats.t.ppf(0.975, 3)
-    np.testing.assert_allclose(band["line"], theirs.intercept + theirs.slope * at)
-    design = np.column_stack([np.ones(5), MEASURED])
-    left = simulated - design @ [theirs.intercept, theirs.slope]
-    covariance = np.linalg.inv(design.T @ design) * (left @ left) / 3
-    half = [t * np.sqrt(np.array([1.0, x]) @ covariance @ np.array([1.0, x])) for x in at]
-    np.testing.assert_allclose([band["high"] - band["line"], band["line"] - band["low"]], [half, half])
-    assert regression(MEASURED[:2], MEASURED[:2], MEASURED) is None
-    assert regression(np.full(4, 10.0), np.arange(4.0), MEASURED) is None
 
 
 def compared(k, mid, rmse=None):

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import isotonic_regression
-from scipy.stats import linregress
 from scipy.stats import t as student
 
 from vsf_drake.analysis.bench_metrics import LOAD_N, at_loads, mean_slope
@@ -245,24 +244,6 @@ def mean_and_half_width(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if count < 2:
         return mean, np.full_like(mean, np.nan)
     return mean, student.ppf(0.5 + 0.5 * LEVEL, count - 1) * values.std(axis=0, ddof=1) / math.sqrt(count)
-
-
-def regression(measured: np.ndarray, simulated: np.ndarray, at: np.ndarray) -> dict[str, np.ndarray] | None:
-    """Straight line of the simulated on the measured values by least squares: (m,) `line`, and `low` and `high` of its
-    95 % confidence band, at the measured values `at`.
-
-    The band is that of the mean response, t(n - 2) s sqrt(1 / n + (x - mean)^2 / Sxx) to both sides of the line. None
-    for fewer than three points or measured values that do not differ.
-    """
-    count = len(measured)
-    if count < 3 or np.ptp(measured) == 0.0:
-        return None
-    fit, quantile = linregress(measured, simulated), float(student.ppf(0.5 + 0.5 * LEVEL, count - 2))
-    line = fit.intercept + fit.slope * at
-    # the standard error of the slope is s / sqrt(Sxx), and Sxx = n var: in the middle of the data s / sqrt(n) is left
-    in_middle = fit.stderr * np.std(measured)
-    half = quantile * np.hypot(in_middle, fit.stderr * (at - np.mean(measured)))
-    return {"line": line, "low": line - half, "high": line + half}
 
 
 def load_measured_bench(path: str | Path) -> BenchMeasurement:

@@ -42,8 +42,6 @@ PAPER = {"stiffness_r2": 0.98, "stiffness_rmse_n_per_mm": 1.37, "mid_range_rmse_
 FINER = 4
 """Parts into which each keel element is cut for the line that tells the coarseness of the keel from the rest."""
 QUICK_FULCRUMS, QUICK_SPEEDS_MM_PER_MIN = 3, (50.0, 5000.0)
-LINE_POINTS = 51
-"""Of the regression's line."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +103,7 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
     """Presses the study's foot, the nominal one, the one on a soft support, the study's with a finer keel and one
     calibrated to two of the curves.
 
-    Arrays: see `curve_arrays`, and of the regression `regression_measured_n_per_mm`, `_line`, `_low`, `_high`.
+    Arrays: see `curve_arrays`.
     """
 
     def show(what: str, fraction: float) -> None:
@@ -142,14 +140,7 @@ def bench_section(study: Study, *, progress: Progress | None = None) -> Section[
         lines.statistics([row for row in rows if row.fulcrum_mm not in line.fitted_mm], line.key))
         for line, _ in feet)
     arrays = lines.curve_arrays(settings, curves)
-    own, pairs = models[0].statistics, lines.judged_pairs(rows, "model")
-    k_model, k_measured = (np.array([pair[j].stiffness_n_per_mm for pair in pairs], dtype=float) for j in (0, 1))
-    at = np.linspace(k_measured.min(), k_measured.max(), LINE_POINTS) if pairs else k_measured
-    trend = lines.regression(k_measured, k_model, at)
-    if trend is not None:
-        arrays |= {"regression_measured_n_per_mm": at} | {f"regression_{key}": band for key, band in trend.items()}
-    elif any(setting.judged for setting in settings[:-1]):
-        missing += say("bench", "no_trend")
+    own = models[0].statistics
     show("speeds", 0.5)
     if quick and len(fulcrums) > QUICK_FULCRUMS:
         fulcrums = [fulcrums[0], fulcrums[len(fulcrums) // 2], fulcrums[-1]]
@@ -385,7 +376,7 @@ def standing_section(study: Study, *, progress: Progress | None = None) -> Secti
     """Stands the study's subject on its foot, at each fulcrum position.
 
     Joints are at their anatomical zero and the foot is mounted as the model file says: what a fit found of offsets and
-    joint angles belongs to recordings of walking. Arrays of row I, 50 Hz: `standing_I_time_s`,
+    joint angles belongs to recordings of walking. Arrays of row I, 200 Hz: `standing_I_time_s`,
     `standing_I_prosthetic_n`, `standing_I_intact_n`.
     """
     duration = QUICK_DURATION_S if study.options.quick else DURATION_S
