@@ -88,7 +88,7 @@ def test_table_states_forces_shares_and_drift():
     assert table.drift_mm == pytest.approx(1.0), "0.6 and 0.8 at right angles"
     assert table.turn_deg == 0.0
     assert table.pelvis_deg["list"] == pytest.approx(2.0)
-    assert len(table.series.time_s) == 100
+    assert len(table.series.time_s) == 400, "200 Hz"
     assert table.series.time_s[-1] == pytest.approx(2.0)
 
 
