@@ -159,6 +159,7 @@ def save_figure(figure: Figure, stem: str | Path, *, svg: bool = True, letters: 
     with replaced(paths[0], "wb") as stream:
         stream.write(png(figure))
     if svg:
+        figure.set_layout_engine("none")  # settled with the PNG; it asks for what no canvas of SVG has
         with style(), rc_context({"svg.fonttype": letters}), replaced(paths[1], "wb") as stream:
             figure.savefig(stream, format="svg", metadata={"Date": None})
     return tuple(paths if svg else paths[:1])
