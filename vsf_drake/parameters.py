@@ -71,7 +71,7 @@ class KeelParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class FulcrumParameters:
-    """The movable support under the keel and the carriage that moves it."""
+    """The fulcrum, which bears on the keel from above, and the carriage that moves it."""
 
     stiffness_n_per_m: float = quantity(
         2e6, unit="N/m", low=1e3, high=1e9,

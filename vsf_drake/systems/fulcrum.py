@@ -1,4 +1,4 @@
-"""The movable support under the keel, what commands it, and the motor and screw that carry it."""
+"""The fulcrum, which bears on the keel from above, what commands it, and the motor and screw that carry it."""
 
 from __future__ import annotations
 

@@ -173,10 +173,10 @@ def _side(axes: Axes, foot: FootPositions) -> None:
     pieces.triad(axes, RigidTransform(), SIDE, 30.0, "W", offset=(-10.0, 9.0))
     pieces.triad(axes, foot.X_WK, SIDE, 30.0, "K = A", offset=(-20.0, 0.0))
     pieces.triad(axes, foot.X_WM, SIDE, 30.0, "M", offset=(-10.0, 8.0))
-    for letter, point in (("B", foot.B), ("C", foot.C)):
+    for letter, point, right in (("B", foot.B, 14.0), ("C", foot.C, 0.0)):
         at = MM * point[list(SIDE)]
         axes.plot(*at, "o", color="black", markersize=4, zorder=8)
-        axes.annotate(letter, at, xytext=(0.0, 11.0), textcoords="offset points", ha="center", fontweight="bold")
+        axes.annotate(letter, at, xytext=(right, 11.0), textcoords="offset points", ha="center", fontweight="bold")
     A, z = MM * foot.A[0], MM * foot.A[2]
     for level, point, text in ((-16.0, foot.B, f"fulcrum position l = {MM * (foot.B - foot.A)[0]:.0f}"),
                                (-29.0, foot.C, f"load point {MM * (foot.C - foot.A)[0]:.0f}"),
@@ -268,7 +268,7 @@ def _carriage(axes: Axes, signs: FootSigns) -> None:
     pieces.roller(axes, signs.rear, REST_COLOUR)
     pieces.roller(axes, signs.front)
     level = MM * signs.rest.A[2]
-    for y, foot in ((level + 14.0, signs.rear), (level + 34.0, signs.front)):
+    for y, foot in ((level + 19.0, signs.rear), (level + 39.0, signs.front)):
         pieces.dimension(axes, MM * foot.A[0], MM * foot.B[0], y, f"l = {MM * foot.fulcrum_m:g} mm")
     start, end = MM * signs.rear.carriage[0], MM * signs.front.carriage[0]
     pieces.arrow(axes, (start + 9.0, level - 13.0), (end - 9.0, level - 13.0), "black")

@@ -85,6 +85,6 @@ def _between(axes: Axes, start: tuple[float, float], end: tuple[float, float]) -
 
 
 def roller(axes: Axes, foot: FootPositions, colour: Any = "0.1") -> None:
-    """The fulcrum under the keel as a triangle, from the side."""
-    x, z = MM * foot.carriage[0], MM * (foot.carriage[2] - foot.half_thickness)
-    axes.fill([x, x - 6.0, x + 6.0], [z, z - 11.0, z - 11.0], color=colour, zorder=5)
+    """The fulcrum, which bears on the keel from above, as a triangle, from the side."""
+    x, z = MM * foot.carriage[0], MM * (foot.carriage[2] + foot.half_thickness)
+    axes.fill([x, x - 6.0, x + 6.0], [z, z + 11.0, z + 11.0], color=colour, zorder=5)

@@ -144,11 +144,12 @@ def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
     panels.append(panel)
     still["keel"] = {"unbent": panel.points(np.array([0.0, tip - 20.0]), np.zeros(2))}
     for frame, x, shape, (load, at) in zip(frames, arrays["fulcrum_mm"], keel, arrays["load"], strict=True):
-        z, head = (float(np.interp(place, *shape.T)) - 4.0 for place in (x, at))
+        z, head = (float(np.interp(place, *shape.T)) for place in (x, at))
+        z, head = z + 2.5, head - 4.0  # the fulcrum bears on the keel from above, the load from below
         foot = head - _LOAD_MM_PER_N * load
         frame |= {
             "moved-keel": panel.points(*shape.T),
-            "moved-fulcrum": panel.points(x + np.array([0.0, -7.0, 7.0]), z + np.array([0.0, -13.0, -13.0])),
+            "moved-fulcrum": panel.points(x + np.array([0.0, -7.0, 7.0]), z + np.array([0.0, 13.0, 13.0])),
             "moved-arrow": panel.points(at + np.array([0.0, 0.0, -4.0, 4.0, 0.0]),
                                         np.array([foot, head, head - 8.0, head - 8.0, head]))}
     return {"panels": panels, "still": still, "frames": frames,

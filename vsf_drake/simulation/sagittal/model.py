@@ -134,7 +134,7 @@ class SagittalModel:
         return np.stack([np.ones_like(keel)] * len(SOCKET) + [keel] * (len(self.quasi_static) - len(SOCKET)))
 
 
-# The fulcrum under the keel, as a function of the keel's turns: the pair of forces moves nothing else.
+# The fulcrum on the keel, as a function of the keel's turns: the pair of forces moves nothing else.
 #
 #     A                P        K: x along the undeformed keel, z up
 #     o====o====o===o==^=o==o   joints o turn the toe up, one after the other; P at the fulcrum's position

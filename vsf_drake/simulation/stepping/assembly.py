@@ -265,7 +265,7 @@ def step_workspace(tree: Tree, forces: Forces, dofs: FreePrescribed, tolerance: 
         keel=np.zeros(1, dtype=np.int64), tolerance=tolerance)
 
 
-# The fulcrum under the keel in one step, and its derivatives, compiled.
+# The fulcrum on the keel in one step, and its derivatives, compiled.
 #
 # The support at l (m from A) stands on the rigid piece of the keel that lies there. The next piece takes over at its
 # joint x, where a force has no moment on it: the force is continuous in l, its derivative by l is not. With a width w
