@@ -182,5 +182,5 @@ def test_the_verdict_compares_the_model_with_the_null_model_on_walks_it_has_not_
                                  "angle_errors": [], "synthetic": False} | found)
     assert say("validation", "verdict", walking=walking, to_come=False, bench=None, unmet=[]) == [said]
     assert say("validation", "verdict", walking=None, to_come=False, bench=None, unmet=["bench"]) == [
-        "No walk could be compared with its plate.", "Asked and not met: bench."]
+        "No walk could be compared with its plate.", "Criteria not met: bench."]
     assert say("validation", "verdict", walking=None, to_come=True, bench=None, unmet=[]) == [], "not yet"

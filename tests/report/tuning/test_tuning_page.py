@@ -321,4 +321,4 @@ def test_policy_is_written_for_the_controller_and_for_people(folders):
         f"A setting for each task saves {np.mean(lost):.4g} % on average and {max(lost):.4g} % at most. The tasks' own "
         "settings lie between 75.0 and 125.0 mm; one for all is 101.5 mm.")
     assert "Known to need a setting of its own: speed 0.8, speed 1.6." in words
-    assert "Not told from the one setting for all: speed 1.2." in words, "101.5 lies within 101 to 109 mm"
+    assert "Not distinguishable from the one setting for all: speed 1.2." in words, "101.5 lies within 101 to 109 mm"

@@ -100,7 +100,7 @@ def test_synthetic_numbers_share_no_table_with_the_paper_s(tmp_path, synthetic):
     shown = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     heads = re.search(r"<thead>.*?</thead>", shown)[0]
     assert re.findall(r">([^<>]+)</th>", heads) == (
-        ["what", "SYNTHETIC", "unit"] if synthetic else ["what", "here", "unit", "paper", "asked", "met"])
+        ["what", "SYNTHETIC", "unit"] if synthetic else ["what", "here", "unit", "paper", "criterion", "met"])
     assert "Held-out walks: 10 to 14 % BW</li>" in shown, "folded, in a list of its own"
 
 

@@ -174,7 +174,8 @@ def tasks_words(table: TuningTable | Schedule) -> str:
         rest = {"mm": alone, "percent": 100.0 * more / (float(np.mean([abs(own) for own, _ in pairs])) or 1.0)}
     return words("tasks", known=True, low=min(settings), high=max(settings), common=table.common_fulcrum_mm,
                  mean=float(np.mean(lost)), most=max(lost), unit=reading.excess_unit(table), rest=rest,
-                 held=isinstance(table, TuningTable) and bool(table.holding))[0]
+                 held=bool(table.holding) if isinstance(table, TuningTable) else any(
+                     row.rest is not None for row in table.tasks))[0]
 
 
 def _tasks(table: TuningTable, arrays: Arrays) -> Facts:

@@ -1,4 +1,4 @@
-"""The chapter "Can two settings be told apart?": a function of its saved section."""
+"""The chapter "Can two settings be distinguished?": a function of its saved section."""
 
 from __future__ import annotations
 
