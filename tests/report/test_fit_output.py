@@ -105,7 +105,7 @@ def test_a_fit_in_few_lines_stands_beside_the_null_model_and_warns_of_what_limit
     worse = made_trial("other", "held out", 108.0, metrics=replace(METRICS, grf_rmse_bw=0.06))
     table = made_fit(trials=(made_trial(), worse), bench=None, uncertainty=None, layers=None)
     assert fit_result(table)[2:] == [
-        "! No nearer to the plate than the null model in 1 of 1 walks: other.",
+        "! Physics alone is no nearer to the plate than the null model in 1 of 1 walks: other.",
         "! All fitted walks have one fulcrum position: predictions at other positions are not to be trusted.",
         "! No bench was given: whether this is still the foot of the bench is not known."]
     assert any("No walk was held out" in line for line in fit_result(made_fit(trials=(made_trial(),))))

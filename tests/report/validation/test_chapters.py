@@ -350,7 +350,7 @@ def test_sensitivity_names_the_strongest_factors_counts_wide_intervals_and_quote
         own, sobol=(*rows[:2], replace(rows[2], st_conf=0.3), *rows[3:]))})
     shown = assert_sound(sensitivity_chapter, wide, {})
     assert list(shown.alts) == ["sensitivity_screening", "sensitivity_indices"] and len(shown.grids) == 4
-    assert "kinematics 1 1.8 ± 0.1, kinematics 2 1.7 ± 0.1" in shown.words and "synthetic walk_66" in shown.words
+    assert "kinematics 1 1.8 ± 0.1, kinematics 2 1.7 ± 0.1" in shown.words and "SYNTHETIC walk_66" in shown.words
     assert f"{3 * 5} of {3 * 6} first-order indices" in shown.words  # of each output 5 of 6 groups
     assert f"total index of {rows[2].name} (resultant GRF error)" in shown.words
     assert "3 failed" in shown.words and "the run diverges" in shown.words
