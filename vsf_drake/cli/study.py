@@ -109,6 +109,7 @@ def report(
     svg: Annotated[bool, typer.Option("--svg", help="Figures as SVG too, beside the PNG.")] = False,
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
+    import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
     from vsf_drake.report.validation.output import VALIDATION
