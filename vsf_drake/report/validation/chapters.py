@@ -75,7 +75,8 @@ def _summary(content: Content, arrays: Arrays) -> Chapter:
         facts={**content, "summary": [row for row in content["summary"] if row.get("value") is not None],
                "verdict": content.get("verdict", ()), "failed": content.get("failed", ()),
                "on_bench": tables["bench"].get("contact_on_bench"),
-               "walk": shown, "moved": moved_walk(moved, shown["fulcrum_mm"]) if moved and shown else None})
+               "walk": shown, "synthetic_walk": tables["walking"].get("synthetic"),
+               "moved": moved_walk(moved, shown["fulcrum_mm"]) if moved and shown else None})
 
 
 # The first screen: one walk with the fulcrum at each position that was computed, as SVG that a slider redraws.
