@@ -35,7 +35,7 @@ from vsf_drake.analysis.contact_fit.table import fit_arrays, fit_json
 from vsf_drake.analysis.tuning.schedule import load_schedule
 from vsf_drake.analysis.validation.bench_lines import load_measured_bench
 from vsf_drake.analysis.validation.bench_section import StoodTable
-from vsf_drake.analysis.validation.run import SectionStore
+from vsf_drake.analysis.validation.run import Finished, SectionStore
 from vsf_drake.analysis.validation.study import Section
 from vsf_drake.bench_curves import load_bench_curves, load_bench_file
 from vsf_drake.cli.fit_run import Checkpoint
@@ -319,7 +319,8 @@ def _write_results(folder: Path, validation: Path | None) -> None:
             "options": {"quick": True, "seed": 0, "step_s": 2e-3},
             "provenance": {"versions": {}, "inputs_sha256": {}}, "sections": {}}, {"walking__x": np.ones(3)})
     stood = StoodTable(rows=(), worst_mass_error=None, paper_mass_error=0.026, duration_s=10.0, all_stand=None)
-    SectionStore(folder / "section", KEY).write("standing", Section(table=stood, arrays={"x": np.ones(3)}), 1.0)
+    SectionStore(folder / "section", KEY).write(
+        "standing", Finished(section=Section(table=stood, arrays={"x": np.ones(3)}), wall_s=1.0))
     (folder / "sweep").mkdir()
     own = small_trial()
     write_json(folder / "sweep" / "sweep.json", {
