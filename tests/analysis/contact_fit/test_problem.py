@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -391,3 +393,26 @@ def test_a_displacement_of_the_models_own_is_found_again(few_free, pressed, benc
     found = search(again, again.parameters.start)
     np.testing.assert_allclose(displacement(again, found.u), displaced, atol=5e-6)
     np.testing.assert_allclose(again.bench_stiffness(found.u), stiffness, rtol=2e-3)
+
+
+def test_garbage_is_freed_on_no_thread_of_the_walks():
+    freed = []
+
+    class Circle:
+        def __init__(self):
+            self.itself = self
+
+        def __del__(self):
+            freed.append(threading.current_thread())
+
+    def walk(_):  # containers enough to start the collector some dozen times
+        return len([[] for _ in range(30_000)])
+
+    with module.side_by_side(2) as pool:
+        for _ in range(50):
+            Circle()
+        assert list(pool.map(walk, range(4))) == [30_000] * 4
+        assert not freed
+    assert gc.isenabled()
+    gc.collect()
+    assert freed == [threading.current_thread()] * 50

@@ -8,7 +8,6 @@ positions over the whole carriage; a model that stands for the foot errs least w
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from scipy.optimize import minimize_scalar
 from vsf_drake.analysis.angle_errors import AngleErrorRow, JudgedTrial, angle_error_rows
 from vsf_drake.analysis.comparison import rmse
 from vsf_drake.analysis.contact_fit.parameters import owner
-from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_with
+from vsf_drake.analysis.contact_fit.problem import check_recordings, labels_with, side_by_side
 from vsf_drake.analysis.contact_fit.solution import ALIKE, ContactFitSolution, JointEnd, far_parameters
 from vsf_drake.analysis.contact_fit.solve import SURE_SHARE
 from vsf_drake.analysis.fulcrum_sweep import SWEEP_STEP_S, FulcrumSweep, sweep_positions, swept
@@ -315,7 +314,7 @@ def sweep_fulcrum(solution: ContactFitSolution, trial: Trial, label: str | None)
         return np.nan if found is None else found
 
     positions = sweep_positions(trial)
-    with ThreadPoolExecutor(2) as pool:
+    with side_by_side(2) as pool:
         return swept(positions, [*pool.map(error, positions)], true_m=trial.fulcrum_m)
 
 

@@ -18,7 +18,6 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -28,7 +27,7 @@ from scipy.stats import truncnorm
 from vsf_drake.analysis.comparison import Comparison
 from vsf_drake.analysis.contact_fit.options import PaperOptions
 from vsf_drake.analysis.contact_fit.parameters import zones_of
-from vsf_drake.analysis.contact_fit.problem import ContactFit
+from vsf_drake.analysis.contact_fit.problem import ContactFit, side_by_side
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.simulation.variables import Variable
 
@@ -157,7 +156,7 @@ class Score:
 def scores(fit: ContactFit, scenarios: Sequence[Mapping[str, float]]) -> list[Score]:
     """Of several scenarios, on threads; an interruption waits for those that run, not for the rest."""
     assert isinstance(fit.options, PaperOptions)
-    with ThreadPoolExecutor(fit.options.workers) as pool:
+    with side_by_side(fit.options.workers) as pool:
         futures = [pool.submit(_score, fit, values) for values in scenarios]
         try:
             return [future.result() for future in futures]

@@ -12,8 +12,10 @@ strategy; the paper's procedure (`paper`) walks the same trials and has an objec
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -44,6 +46,23 @@ STRIDE = 4
 """Every fourth instant of a series at 500 Hz, every fourth percent of a stance: they are no more independent."""
 _LEAST_RESULTANT_N = 1.0
 """Below this a resultant's direction, and with it its derivative, means nothing."""
+
+
+@contextlib.contextmanager
+def side_by_side(workers: int) -> Iterator[ThreadPoolExecutor]:
+    """Threads for walks, while cyclic garbage is left where it is.
+
+    The collector would free it on whichever thread it happens to run, and some objects of Drake's, a Meshcat for one,
+    end the process if another thread frees them than the one that made them.
+    """
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        with ThreadPoolExecutor(workers) as pool:
+            yield pool
+    finally:
+        if collecting:
+            gc.enable()
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +205,7 @@ class ContactFit:
                 self._last[2] >= derivatives):
             return self._last[3]
         self.evaluations += 1
-        with ThreadPoolExecutor(min(len(self._terms), os.cpu_count() or 1)) as pool:
+        with side_by_side(min(len(self._terms), os.cpu_count() or 1)) as pool:
             each = pool.map(lambda trial: trial.terms(u, derivatives=derivatives, step_s=step_s), self._terms)
             terms = [term for of_trial in each for term in of_trial]
         prior = [p for p, item in enumerate(self.parameters.free) if item.prior]
