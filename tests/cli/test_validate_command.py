@@ -266,3 +266,17 @@ def test_after_an_interruption_the_same_command_goes_on(run, tmp_path, one_secti
     code, out, _ = run(*words)
     assert code == 0 and "Unfinished" not in page.read_text(encoding="utf-8")
     assert one_section["made"] == 1
+
+
+def test_an_interrupted_run_takes_nothing_from_a_finished_one(run, tmp_path, one_section, monkeypatch):
+    def stopped(study, *, progress=None):
+        raise KeyboardInterrupt
+
+    words = ("validate", TRIAL, *WITH, "--out", tmp_path / "out")
+    assert run(*words)[0] == 0
+    earlier = files(tmp_path / "out")
+    monkeypatch.setattr(running, "_SECTIONS", running._SECTIONS | {"standing": Part(stopped, Found, 1.0)})
+    code, out, _ = run(*words, "--seed", "1")
+    assert code == 130 and "remains that of the earlier run" in " ".join(out.split())
+    after = files(tmp_path / "out")
+    assert {name: after[name] for name in earlier} == earlier

@@ -76,6 +76,9 @@ def validate(
                 shipped = None if recompute else SectionStore(resource(SHIPPED), shipped_key(study))
     console.print(first_line(study))
     said: list[Path] = []
+    earlier = (out / VALIDATION.table).is_file()
+    if earlier:  # what is finished is not given up for what is not
+        say(f"{out / PAGE} remains that of the earlier run until this command ends")
 
     def grown(finished: Mapping[str, Finished], to_come: list[str]) -> None:
         page = write_unfinished(*validation_content(study, finished, exact=exact), out, to_come=to_come)
@@ -85,8 +88,8 @@ def validate(
 
     try:
         with progress() as show:
-            finished = run_sections(study, exact=exact, folder=out / UNFINISHED, shipped=shipped, grown=grown,
-                                    progress=show)
+            finished = run_sections(study, exact=exact, folder=out / UNFINISHED, shipped=shipped,
+                                    grown=None if earlier else grown, progress=show)
             show("writing the report", 0.99)
             written = write_validation(*validation_content(study, finished, exact=exact), out, study=study)
     except KeyboardInterrupt:
