@@ -123,3 +123,8 @@ def test_a_template_that_asks_for_what_nobody_gave_is_an_error_or_said_in_its_pl
         written(templates, "{{ nobody }}", tmp_path)
     text, [shown] = written(templates, "{{ nobody }}", None, lenient=True)
     assert "This version cannot show what the results hold of it" in text and "nobody" in shown.missing[0]
+
+
+def test_a_command_in_what_is_missing_is_set_as_code_and_nothing_else_is_markup(page):
+    shown = page("{{ missing(text) }}", text="Not made: <b> is missing; `pip install 'a[b]'` gets it.")
+    assert "Not made: &lt;b&gt; is missing; <code>pip install &#39;a[b]&#39;</code> gets it." in shown

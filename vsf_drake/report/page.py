@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from vsf_drake.errors import InputError, raise_if_interrupted
@@ -259,6 +259,7 @@ def _environment() -> Environment:
                         trim_blocks=True, lstrip_blocks=True)
     pages.filters |= {
         "number": number, "said": said, "listed": listed, "joint": joint, "span": span,
+        "coded": lambda text: Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))),
         "data_uri": data_uri, "print_size_pt": _print_size_pt,
         "number_columns": lambda rows, count: [bool(rows) and all(_is_numeral(row[i]) for row in rows)
                                                for i in range(count)],
