@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from made_study import embedded_study
 
+from vsf_drake.analysis import validation
 from vsf_drake.analysis.validation import run as running
 from vsf_drake.analysis.validation.run import Finished, Part, SectionStore, shipped_key, study_key, summary_rows
 from vsf_drake.analysis.validation.study import Section
+from vsf_drake.files import resource
 from vsf_drake.sentences import say
 
 
@@ -184,3 +186,13 @@ def test_the_verdict_compares_the_model_with_the_null_model_on_walks_it_has_not_
     assert say("validation", "verdict", walking=None, to_come=False, bench=None, unmet=["bench"]) == [
         "No walk could be compared with its plate.", "Criteria not met: bench."]
     assert say("validation", "verdict", walking=None, to_come=True, bench=None, unmet=[]) == [], "not yet"
+
+
+@pytest.mark.slow
+def test_sections_that_come_with_the_package_are_of_its_data_and_sources():
+    """Else a validation of the embedded subject lacks them: studies/ship_validation.py makes them again."""
+    study = validation.make_study(validation.embedded_trials(), contact=validation.embedded_contact(),
+                                  bench=validation.embedded_bench())
+    store = SectionStore(resource(running.SHIPPED), shipped_key(study))
+    for name in running.LONG:
+        assert store.read(name, running.tables()[name]) is not None, name
