@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -102,6 +103,7 @@ def test_long_sections_are_computed_on_request_or_shown_as_shipped_where_the_key
 
     monkeypatch.setattr(running, "_SECTIONS", {
         "short": Part(short, Found, 1.0), "long": Part(long, Found, 9.0, full=True)})
+    monkeypatch.setattr(running, "_PACKAGE", Path(__file__).parent)  # whose sources are read
     study, grown = embedded_study(), []
     full = dataclasses.replace(study, options=dataclasses.replace(study.options, full=True))
     key = shipped_key(study)
