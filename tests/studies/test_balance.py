@@ -139,6 +139,7 @@ def test_mass_points_have_the_subjects_mass_and_winters_centre_of_head_arms_and_
     assert share == pytest.approx(0.626, abs=0.03)  # Winter, of the way from hip to shoulder
 
 
+@pytest.mark.slow
 def test_both_plates_and_weight_explain_the_motion_of_all_segments_at_every_instant(walked):
     assert np.abs(walked.truth.missing.force).max() < 0.005 * WEIGHT_N
     assert np.abs(walked.truth.missing.moment).max() < 0.005 * WEIGHT_N
@@ -146,6 +147,7 @@ def test_both_plates_and_weight_explain_the_motion_of_all_segments_at_every_inst
     assert (lumped > 0.02 * WEIGHT_N).all()  # the check would see a trunk that does not move
 
 
+@pytest.mark.slow
 def test_the_intact_plate_is_one_that_a_foot_can_have(walked):
     force, loaded = walked.left.force, walked.left.force[:, 2] > 20.0
     assert (force[~loaded] == 0.0).any(axis=0).all() and force[:, 2].min() >= 0.0
@@ -211,6 +213,7 @@ def test_faster_people_step_oftener_load_and_push_more():
     assert short.stride_s < draw_trials(SEED, 1.1)[0].stride_s
 
 
+@pytest.mark.slow
 def test_figures_of_a_walk_change_with_what_they_measure(walked):
     figures = trial_figures(walked, WEIGHT_N)
     pushed = dataclasses.replace(walked.truth.missing, force=walked.truth.missing.force + np.array([0.0, 0.0, 3.0]))

@@ -35,6 +35,7 @@ from vsf_drake.plants.anthropometry import scale_body
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
 
 
+@pytest.mark.slow
 def test_the_bench_files_come_out_again_and_hold_what_the_foot_that_walked_shows_on_the_bench(tmp_path):
     curves, read = load_bench_curves(DATA / "bench_curves.csv").curves, load_bench_file(DATA / "bench.yaml")
     assert read.synthetic and "SYNTHETIC" in read.name and read.max_load_n == LOADS_N[1]
@@ -134,6 +135,7 @@ def test_bench_meets_the_published_stiffness_with_a_stiff_support_and_tuning_fin
         assert getattr(getattr(found, part), name) == pytest.approx(recorded, rel=1e-3), name
 
 
+@pytest.mark.slow
 def test_a_tested_specimen_keeps_its_stiffness_but_for_the_errors_of_a_test(tmp_path):
     folder = bench_truth.write_bench(tmp_path, seed=3).parent
     read = load_bench_file(folder / "bench.yaml")
@@ -196,6 +198,7 @@ def work_on(p: prosthesis.Prosthesis, time: np.ndarray, R: np.ndarray, x: np.nda
     return -float(np.sum(mean[0] * np.diff(end, axis=0)) + np.sum(mean[1] * turn))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lean", [(0.0, 0.0, 0.0), (0.05, 0.1, 0.2), (-0.04, -0.2, 0.0)])
 def test_standing_still_forces_and_moments_balance(lean):
     p = virtual_foot()
@@ -218,6 +221,7 @@ HINGED = dataclasses.replace(KeelDesign(), twists=6, clamp_nm_per_rad=150.0)
 OTHER = Design(keel=HINGED, support=SupportDesign(one_sided=True, play_m=2e-4))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("design", "fulcrum_m"), [
     (Design(), 0.066), (OTHER, 0.1), (Design(keel=dataclasses.replace(HINGED, modulus_pa=4e10), support=None), None)])
 def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary(design, fulcrum_m):
@@ -248,6 +252,7 @@ def test_standing_on_the_toe_the_keel_is_where_its_energy_is_stationary(design, 
     np.testing.assert_allclose(slopes, 0.0, atol=0.01)
 
 
+@pytest.mark.slow
 def test_a_keel_loaded_on_its_edge_twists_by_its_torque_over_its_torsional_stiffness():
     """Saint-Venant: the integral of T / (G J), J = b h^3 (1/3 - 0.21 h / b) of a flat rectangle, T of the ground; of a
     keel that does not bend."""
@@ -265,6 +270,7 @@ def test_a_keel_loaded_on_its_edge_twists_by_its_torque_over_its_torsional_stiff
     assert np.sum(p.state.q[36:]) == pytest.approx(twist, rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one_sided", [True, False])
 def test_a_one_sided_support_does_not_hold_up_a_keel_that_hangs(one_sided):
     """Its own weight w a length bends it by w L^4 / (8 E I) and its clamp by w L^3 / (2 c); a roller holds it up."""
@@ -281,6 +287,7 @@ def test_a_one_sided_support_does_not_hold_up_a_keel_that_hangs(one_sided):
         assert abs(tip) < 0.2 * hanging
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 2])
 def test_momentum_changes_by_ground_limb_and_weight(every):
     """As exactly as the steps are solved (1e-9 m, 1e5 N/m), whatever steps lie in between; of angular momentum but for
@@ -304,6 +311,7 @@ def test_momentum_changes_by_ground_limb_and_weight(every):
     assert np.abs(missing[loaded]).max() < 0.2 / every
 
 
+@pytest.mark.slow
 def test_the_foot_sits_where_the_model_has_it():
     """Against the model's own plant: the keel's end A and the keel's axes, for a foot that is placed askew."""
     askew = dataclasses.replace(
@@ -320,6 +328,7 @@ def test_the_foot_sits_where_the_model_has_it():
     np.testing.assert_allclose(p.state.R, R_WB[0, DEVICE], atol=2e-3)  # in the air, but for what its weight leans it
 
 
+@pytest.mark.slow
 def test_a_fulcrum_out_of_reach_and_a_keel_that_nothing_holds_are_refused():
     with pytest.raises(ValueError, match="fulcrum reaches"):
         prosthesis_of(SUBJECT, 0.2)
@@ -329,6 +338,7 @@ def test_a_fulcrum_out_of_reach_and_a_keel_that_nothing_holds_are_refused():
         prosthesis_of(SUBJECT, 0.1, design=Design(support=SupportDesign(one_sided=True)))
 
 
+@pytest.mark.slow
 def test_ground_knows_no_direction_and_a_path_in_the_plane_of_symmetry_gives_no_lateral_force():
     p = virtual_foot()
     straight = p.walk(*roll_over(p))
@@ -343,6 +353,7 @@ def test_ground_knows_no_direction_and_a_path_in_the_plane_of_symmetry_gives_no_
     np.testing.assert_allclose(there.cop[heavy], (here.cop @ turn.T + shift)[heavy], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_half_the_step_changes_the_force_by_less_than_a_five_hundredth_of_body_weight():
     motion = roll_over(virtual_foot(), lateral=0.05)
     coarse, fine = (virtual_foot(0.066, step_s=h).walk(*motion) for h in (5e-4, 2.5e-4))
@@ -350,6 +361,7 @@ def test_half_the_step_changes_the_force_by_less_than_a_five_hundredth_of_body_w
     assert np.abs(low_passed(coarse.force) - low_passed(fine.force)).max() < 2e-3 * WEIGHT_N
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lateral", [0.0, -0.08])
 def test_takes_energy_from_the_walker_and_never_gives_any(lateral):
     p = virtual_foot()
@@ -362,6 +374,7 @@ def test_takes_energy_from_the_walker_and_never_gives_any(lateral):
     assert 1.0 < work[-1] < (5.0 if lateral == 0.0 else 40.0)
 
 
+@pytest.mark.slow
 def test_without_damping_and_sliding_a_slow_press_gives_its_work_back():
     keel = dataclasses.replace(KeelDesign(), damping_time_s=0.0)
     socket = dataclasses.replace(
@@ -381,6 +394,7 @@ def test_without_damping_and_sliding_a_slow_press_gives_its_work_back():
     assert work_on(p, time, R, x, load) == pytest.approx(0.0, abs=0.02 * stored)
 
 
+@pytest.mark.slow
 def test_friction_holds_without_creep_and_a_dragged_foot_is_held_back_by_coulombs_force():
     p = virtual_foot()
     time = np.arange(0.0, 2.5, 2e-3)
