@@ -2,7 +2,7 @@
 
 SI units inside; a field in another unit says so in its name. Whatever of a person has a direction is signed by anatomy,
 not by the world, so that one set of numbers means the same on either side. Sources are abbreviated here and spelled out
-in the README's list of references:
+in docs/sources.md:
 
     McGeehan 2021       doi 10.1115/1.4050456, the paper that describes the Simscape model
     GaitModel_VSF       m-mcgeehan/GaitModel_VSF_LumpedParameterBuild, its authors' public scripts

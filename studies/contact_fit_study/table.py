@@ -97,7 +97,7 @@ def _beside(target: Target, found: Mapping[str, Any]) -> str:
 
 
 def markdown_table(results: Mapping[str, Any]) -> str:
-    """The same for the README: measured, with the targets in parentheses."""
+    """The same for docs/guide/fit.md: measured, with the targets in parentheses."""
     rows = ["| fitted to one soft and one stiff walk | exact | laboratory |", "|---|---|---|"]
     for target in TARGETS:
         cells = [_cell(target, tier, results[tier]) for tier in TIERS]

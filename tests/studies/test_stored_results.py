@@ -1,4 +1,4 @@
-"""Studies of the contact fit: what is stored is of the present data and sources, adds up, and is in the README."""
+"""Studies of the contact fit: what is stored is of the present data and sources, adds up, and is in the guide."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def test_every_fit_is_stored_none_failed_and_what_misses_its_target_is_known(fit
         assert all(found["one_trial"][name]["fitted"] == [name] for name in ALONE)
         assert found["transfer"]["fitted"] == list(PAIR) and found["transfer"]["starts"] == 5
         missed = [t.what for t in TARGETS if tier in t.limits and not t.met(tier, found)]
-        assert missed == (["held out: resultant"] if tier == "exact" else [])  # and the README says so
-    assert markdown_table(fit_stored) in (ROOT / "README.md").read_text(encoding="utf-8")
+        assert missed == (["held out: resultant"] if tier == "exact" else [])  # and the guide says so
+    assert markdown_table(fit_stored) in (ROOT / "docs" / "guide" / "fit.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("tier", TIERS)

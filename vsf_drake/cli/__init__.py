@@ -15,7 +15,7 @@ RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compile
 ORDER = {name: place for place, name in enumerate((
     "bench", "simulate", "validate", "report", "import", "check", "sweep", "fit", "tune", "schedule", "show", "export",
     "stand"))}
-"""Of the commands in --help, as in the README."""
+"""Of the commands in --help, as in docs/guide/commands.md."""
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
 

@@ -1,4 +1,4 @@
-"""The trial manifest: the one YAML file that describes a recording (see "A trial" in the README). No recordings."""
+"""The trial manifest: the one YAML file that describes a recording (see docs/guide/trials.md). No recordings."""
 
 from __future__ import annotations
 
