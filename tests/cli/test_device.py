@@ -26,6 +26,7 @@ from vsf_drake.plants.parsed_foot import find_foot
 from vsf_drake.schema import dump_yaml, from_plain
 from vsf_drake.simulation.archive import RECORD_FILE
 from vsf_drake.simulation.bench import keel_shape
+from vsf_drake.simulation.results import load_walk
 
 SUBJECT = {"mass_kg": 78.0, "stature_m": 1.81, "sex": "male", "prosthetic_side": "right", "name": "A [bold] subject"}
 
@@ -106,6 +107,20 @@ def test_walk_without_replay_removes_the_replay_of_an_earlier_one(run, tmp_path,
     assert run("simulate", trial_files.write(), "--out", out, "--no-replay", "--step-ms", 4)[0] == 0
     assert {path.name for path in out.iterdir()} >= {"metrics.json", "mine.txt"}
     assert not (out / "replay.html").exists()
+
+
+def test_a_walk_at_another_setting_says_so_before_all_else_and_in_its_results(run, tmp_path, trial_files):
+    trial, out = trial_files.write(), tmp_path / "results"
+    code, said, _ = run("simulate", trial, "--fulcrum-mm", "70", "--out", out, "--no-replay", "--step-ms", 4)
+    assert code == 0
+    metrics = read_json(out / "metrics.json")
+    assert "! " + metrics["notes"][0] in said.splitlines()
+    assert metrics["notes"][0].startswith("The fulcrum is at 70 mm here, where the walk was recorded at 66 mm")
+    np.testing.assert_allclose(load_walk(out).fulcrum_m, 0.070, atol=1e-9)
+    for words, wrong in ((("9000",), "out of the carriage's reach"), (("66", "--fit-offsets"), "cannot go with")):
+        code, _, err = run("simulate", trial, "--fulcrum-mm", *words, "--out", tmp_path / "none")
+        assert code == 2 and err.startswith("error: --fulcrum-mm: ") and wrong in err
+        assert not (tmp_path / "none").exists()
 
 
 # `export`.

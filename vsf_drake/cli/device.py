@@ -178,6 +178,8 @@ def simulate(
         "contact for embedded trials, unless offsets are fitted, else none."))] = None,
     fit_offsets: Annotated[bool, typer.Option(
         "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis.")] = False,
+    fulcrum_mm: Annotated[float | None, typer.Option(help=(
+        "Fulcrum position from the keel's posterior end, under the same motion. Default: the trial's."))] = None,
     step_ms: Annotated[float, typer.Option(help="Step of the simulation.")] = 1.0,
     replay: Annotated[bool, typer.Option(help="Write the replay (HTML).")] = True,
 ) -> None:
@@ -187,13 +189,18 @@ def simulate(
     from vsf_drake.analysis.prediction import layers_of
     from vsf_drake.analysis.validation.study import embedded_contact_beside, walk_trial
     from vsf_drake.contact_file import load_contact
+    from vsf_drake.model_file import check_fulcrum
     from vsf_drake.motion.fitted_trial import trial_with
     from vsf_drake.report.outputs import WALK, write_walk
+    from vsf_drake.sentences import say as sentences
     from vsf_drake.simulation.walk import Walker
 
     embedded = embedded_contact_beside(trial) if contact is None and not fit_offsets else None
     contact = embedded if contact is None else None if contact == Path("none") else contact
     cli.check_contact_use(contact, fit_offsets=fit_offsets)
+    if fit_offsets and fulcrum_mm is not None:
+        raise InputError("cannot go with --fit-offsets: the plate is of the recorded setting", where="--fulcrum-mm",
+                         right="Leave one of them out; where the manifest's setting is wrong, correct it there")
     WALK.check(out)
     fitted, step_s, layers = None if contact is None else load_contact(contact), 1e-3 * step_ms, None
     [recorded] = cli.read_trials([trial], None)
@@ -202,14 +209,20 @@ def simulate(
         walked = dataclasses.replace(recorded, notes=(note, *recorded.notes))
     else:
         walked = trial_with(recorded, fitted, file=contact)
+    moved = None
+    if fulcrum_mm is not None:
+        fulcrum_m = check_fulcrum(1e-3 * fulcrum_mm, walked.model.foot, where="--fulcrum-mm")
+        [moved] = sentences("other_setting", mm=fulcrum_mm, recorded_mm=1e3 * recorded.fulcrum_m)
+        walked = dataclasses.replace(walked, fulcrum_m=fulcrum_m, notes=(moved, *walked.notes),
+                                     name=f"{walked.name} (recorded at {1e3 * recorded.fulcrum_m:g} mm)")
     with progress() as show:
         walk = walk_trial(walked, with_fit=fit_offsets, step_s=step_s, progress=show)
-        if fitted is not None and (fitted.momentum or fitted.discrepancy):
+        if fitted is not None and (fitted.momentum or fitted.discrepancy) and moved is None:
             show("predicting in layers", 1.0)
             layers = layers_of(recorded, recorded.name, fitted, walker=Walker(walked.subject, walked.model),
                                step_s=step_s)
     metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, layers=layers, replay=replay)
-    cli.print_text("walk", **metrics, embedded=embedded, unfitted=UNFITTED,
+    cli.print_text("walk", **metrics, embedded=embedded, unfitted=UNFITTED, moved=moved,
                    alignment_deg=math.degrees(metrics["offsets"]["alignment_rad"]),
                    offsets_are="with those of the fitted contact" if contact else "not fitted")
     say(f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json")
