@@ -13,31 +13,6 @@
 Each is loaded when it is first used. All else has its place in the modules below.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from vsf_drake.analysis.bench_metrics import bench_table
-    from vsf_drake.analysis.contact_fit import ContactFit
-    from vsf_drake.analysis.contact_fit.solution import solve as fit_contact
-    from vsf_drake.analysis.metrics import walk_metrics
-    from vsf_drake.analysis.offsets import fit_offsets
-    from vsf_drake.analysis.tuning.level1 import StiffnessTuning
-    from vsf_drake.analysis.tuning.level1.solve import solve as tune_stiffness
-    from vsf_drake.analysis.validation import make_study
-    from vsf_drake.contact_file import load_contact
-    from vsf_drake.files import resource
-    from vsf_drake.motion.fitted_trial import trial_with
-    from vsf_drake.motion.trial import load_trial
-    from vsf_drake.parameters import FootParameters, ModelParameters
-    from vsf_drake.plants import add_foot, wire_foot
-    from vsf_drake.simulation.batch import WalkCase, simulate_batch
-    from vsf_drake.simulation.bench import run_bench
-    from vsf_drake.simulation.walk import simulate_trial
-
-    __version__: str
-
 _HOMES = {
     "ContactFit": "analysis.contact_fit", "FootParameters": "parameters", "ModelParameters": "parameters",
     "StiffnessTuning": "analysis.tuning.level1", "WalkCase": "simulation.batch", "add_foot": "plants",
@@ -47,23 +22,21 @@ _HOMES = {
     "simulate_batch": "simulation.batch", "simulate_trial": "simulation.walk", "trial_with": "motion.fitted_trial",
     "tune_stiffness": "analysis.tuning.level1:solve", "walk_metrics": "analysis.metrics", "wire_foot": "plants",
 }
-__all__ = ["ContactFit", "FootParameters", "ModelParameters", "StiffnessTuning", "WalkCase", "add_foot", "bench_table",
-           "fit_contact", "fit_offsets", "load_contact", "load_trial", "make_study", "resource", "run_bench",
-           "simulate_batch", "simulate_trial", "trial_with", "tune_stiffness", "walk_metrics", "wire_foot"]
+__all__ = list(_HOMES)
 
-if not TYPE_CHECKING:  # a type checker is to refuse names that there are not
-    def __getattr__(name: str) -> object:
-        from importlib import import_module, metadata  # noqa: PLC0415 (itself most of what an import would take)
 
-        if name == "__version__":
-            value = metadata.version("vsf-drake")
-        elif name in _HOMES:
-            module, _, own_name = _HOMES[name].partition(":")
-            value = getattr(import_module(f"vsf_drake.{module}"), own_name or name)
-        else:
-            raise AttributeError(f"module 'vsf_drake' has no attribute {name!r}")
-        globals()[name] = value
-        return value
+def __getattr__(name: str) -> object:
+    from importlib import import_module, metadata  # noqa: PLC0415 (itself most of what an import would take)
+
+    if name == "__version__":
+        value = metadata.version("vsf-drake")
+    elif name in _HOMES:
+        module, _, own_name = _HOMES[name].partition(":")
+        value = getattr(import_module(f"vsf_drake.{module}"), own_name or name)
+    else:
+        raise AttributeError(f"module 'vsf_drake' has no attribute {name!r}")
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

@@ -1,0 +1,24 @@
+# What a type checker sees of `__init__.py`: the names, and no others.
+from vsf_drake.analysis.bench_metrics import bench_table
+from vsf_drake.analysis.contact_fit import ContactFit
+from vsf_drake.analysis.contact_fit.solution import solve as fit_contact
+from vsf_drake.analysis.metrics import walk_metrics
+from vsf_drake.analysis.offsets import fit_offsets
+from vsf_drake.analysis.tuning.level1 import StiffnessTuning
+from vsf_drake.analysis.tuning.level1.solve import solve as tune_stiffness
+from vsf_drake.analysis.validation import make_study
+from vsf_drake.contact_file import load_contact
+from vsf_drake.files import resource
+from vsf_drake.motion.fitted_trial import trial_with
+from vsf_drake.motion.trial import load_trial
+from vsf_drake.parameters import FootParameters, ModelParameters
+from vsf_drake.plants import add_foot, wire_foot
+from vsf_drake.simulation.batch import WalkCase, simulate_batch
+from vsf_drake.simulation.bench import run_bench
+from vsf_drake.simulation.walk import simulate_trial
+
+__all__ = ["ContactFit", "FootParameters", "ModelParameters", "StiffnessTuning", "WalkCase", "add_foot",
+           "bench_table", "fit_contact", "fit_offsets", "load_contact", "load_trial", "make_study", "resource",
+           "run_bench", "simulate_batch", "simulate_trial", "trial_with", "tune_stiffness", "walk_metrics",
+           "wire_foot"]
+__version__: str
