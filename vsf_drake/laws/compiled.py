@@ -60,11 +60,15 @@ def sources_sha256(package: Path, parts: Iterable[str]) -> str:
     return digest.hexdigest()
 
 
-def compiled(function: Callable[_P, _R_co], **options: Any) -> Compiled[_P, _R_co]:
-    """For functions that Python calls too. `options` are numba's."""
+def compiled(
+    function: Callable[_P, _R_co], *, allocates: bool = False, **options: Any
+) -> Compiled[_P, _R_co]:
+    """For functions that Python calls too. `options` are numba's. Only one that `allocates` arrays counts references to
+    them, which makes half of the code that there is to compile."""
     jitted: Compiled[_P, _R_co]
-    options["error_model"] = "numpy"
-    if _FOLDER and _unchanged(function.__code__.co_filename):
+    options |= {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": allocates}
+    inner = options.get("no_cpython_wrapper")  # kept, it would be found under its name by who wants to call it
+    if _FOLDER and not inner and _unchanged(function.__code__.co_filename):
         with _lock:
             users, _settings.CACHE_DIR = _settings.CACHE_DIR, _FOLDER  # is read when a function is decorated
             try:
@@ -81,9 +85,9 @@ def compiled(function: Callable[_P, _R_co], **options: Any) -> Compiled[_P, _R_c
 
 
 def internal(function: Callable[_P, _R_co]) -> Compiled[_P, _R_co]:
-    """For functions that only compiled ones call, which take half the time to compile: calling one from Python ends
-    the interpreter."""
-    return compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    """For functions that only compiled ones call, which become a part of these: calling one from Python ends the
+    interpreter."""
+    return compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 
 @cache

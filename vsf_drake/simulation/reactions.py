@@ -298,7 +298,7 @@ def _driver_power(mechanism: Mechanism, record: Record, driven: np.ndarray, h: n
     a = np.diff(record.v, axis=0) / h[1:, None]
     _sum_driver_power(rb.tree_arrays(tree), record.q, central(record.v), np.vstack([a, a[-1:]]),
                       np.isin(np.arange(tree.num_coordinates), driven), record.sites, mechanism.site_bodies,
-                      mechanism.ground_height, rb.work_space(tree), power)
+                      mechanism.ground_height, rb.work_space(tree), np.zeros(tree.num_coordinates), power)
     return power
 
 
@@ -327,10 +327,11 @@ def _fulcrum_terms(
 @compiled
 def _sum_driver_power(
     tree: TreeArrays, q: np.ndarray, u: np.ndarray, a: np.ndarray, driven: np.ndarray, sites: np.ndarray,
-    site_bodies: np.ndarray, ground_height: float, motion: Motion, power: np.ndarray
+    site_bodies: np.ndarray, ground_height: float, motion: Motion, load: np.ndarray, power: np.ndarray
 ) -> None:
-    """Writes P of the heading above at n instants; driven (coordinates,) bool, sites (n, S, 9) SITE_RECORD."""
-    load, V, S = np.empty(q.shape[1]), motion.V, motion.S
+    """Writes P of the heading above at n instants; driven (coordinates,) bool, sites (n, S, 9) SITE_RECORD; load
+    (coordinates,) is work space."""
+    V, S = motion.V, motion.S
     for k in range(q.shape[0]):
         rb.place(tree, q[k], motion)
         rb.inverse_dynamics(tree, u[k], a[k], motion, load)

@@ -10,6 +10,7 @@ force on F beside moments in the keel's joints: a body that turns about joint j 
 from __future__ import annotations
 
 import math
+from functools import partial
 from types import FunctionType
 from typing import Any
 
@@ -87,7 +88,7 @@ def _stick(law: int, squared: float, mu_static: float, mu_kinetic: float, thresh
     return (mu_static - (mu_static - mu_kinetic) * w * w * (3.0 - 2.0 * w)) / speed
 
 
-@compiled
+@partial(compiled, allocates=True)
 def foot_vector(
     law: int, starts: np.ndarray, site_keel: np.ndarray, p_BS: np.ndarray, sites: np.ndarray, patches: np.ndarray,
     bounds: np.ndarray, joints: np.ndarray, scalars: np.ndarray, at: np.ndarray, velocities: int, X: np.ndarray,

@@ -182,12 +182,12 @@ def role(n, error, null=None, beats=0):
     ({"fitted": role(2, 0.01)}, "No walk was held out. On the walks that it was fitted to, the model's RMS error of "
      "the resultant ground reaction force is 1.0 % of body weight; that is no prediction.")])
 def test_the_verdict_compares_the_model_with_the_null_model_on_walks_it_has_not_seen(found, said):
-    walking = SimpleNamespace(**{"held_out": None, "fitted": None, "offsets_fitted": None, "layers": [],
+    walking = SimpleNamespace(**{"held_out": None, "fitted": None, "offsets_fitted": None,
                                  "angle_errors": [], "synthetic": False} | found)
-    assert say("validation", "verdict", walking=walking, to_come=False, bench=None, unmet=[]) == [said]
-    assert say("validation", "verdict", walking=None, to_come=False, bench=None, unmet=["bench"]) == [
+    assert say("validation", "verdict", walking=walking, to_come=False, bench=None, layers=None, unmet=[]) == [said]
+    assert say("validation", "verdict", walking=None, to_come=False, bench=None, layers=None, unmet=["bench"]) == [
         "No walk could be compared with its plate.", "Criteria not met: bench."]
-    assert say("validation", "verdict", walking=None, to_come=True, bench=None, unmet=[]) == [], "not yet"
+    assert say("validation", "verdict", walking=None, to_come=True, bench=None, layers=None, unmet=[]) == [], "not yet"
 
 
 @pytest.mark.slow

@@ -42,7 +42,7 @@ from vsf_drake.analysis.validation.walking_section import (
     walking_section,
 )
 from vsf_drake.motion.trial import load_trial
-from vsf_drake.report.validation.walking_chapter import walking_chapter
+from vsf_drake.report.validation.walking_chapter import layers_chapter, walking_chapter
 from vsf_drake.simulation.batch import WalkOutcome
 from vsf_drake.simulation.walk import Walker
 
@@ -393,19 +393,19 @@ def test_walks_of_a_sweep_that_failed_are_unknown_and_said_with_the_reason(monke
 def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(section):
     study = embedded_study()
     bare = dataclasses.replace(study.contact, momentum=None, discrepancy=None)
-    assert walking.layer_rows(dataclasses.replace(study, contact=bare)) == ()
     fitted = [load_trial(study.walks[0].recorded.path.with_name(f"{one.name}.yaml")) for one in bare.trials]
     first = study.walks[0].trial
     taught = learned(bare, fitted, walker=Walker(first.subject, first.model), step_s=study.options.step_s)
-    rows = walking.layer_rows(dataclasses.replace(study, contact=taught))
+    table = walking.layers_section(dataclasses.replace(study, contact=taught)).table
+    rows = table.rows
     assert [(row.label, row.role) for row in rows] == [(walk.label, walk.role) for walk in study.walks]
     for row, walk in zip(rows, study.walks, strict=True):
         assert row.physics_grf_rmse_bw == pytest.approx(walk.metrics.grf_rmse_bw, rel=1e-9)
         assert row.null_model_grf_rmse_bw > 0.0 and row.null_model_predicted_times_grf_rmse_bw > 0.0
-    shown = Shown(walking_chapter(dataclasses.replace(section.table, layers=rows), section.arrays))
+    shown = Shown(layers_chapter(table, {}))
     assert shown.grids["walking_layers"].rows == rows
-    alone = dataclasses.replace(section.table, layers=())
-    assert "walking_layers" not in Shown(walking_chapter(alone, section.arrays)).grids
+    errors = [100.0 * row.momentum_grf_rmse_bw for row in rows if row.role == "held out"]
+    assert f"{np.mean(errors):.1f} % corrected by the person's own momentum" in shown.words
 
 
 def test_rows_hold_the_walks_metrics_and_the_summary_their_mean(section):

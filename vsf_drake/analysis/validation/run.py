@@ -30,7 +30,7 @@ from vsf_drake.analysis.validation.roll_over_section import RollOverTable, roll_
 from vsf_drake.analysis.validation.sensitivity_section import SensitivityTable, sensitivity_section
 from vsf_drake.analysis.validation.settings_section import SettingsTable, settings_section
 from vsf_drake.analysis.validation.study import Progress, Section, Study
-from vsf_drake.analysis.validation.walking_section import WalkingTable, walking_section
+from vsf_drake.analysis.validation.walking_section import LayersTable, WalkingTable, layers_section, walking_section
 from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.files import plain, read_json, read_npz, record, replaced, sha256, write_json
 from vsf_drake.motion.fitted_trial import fingerprint
@@ -42,8 +42,6 @@ from vsf_drake.simulation.batch.cases import digest, software
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-EXACT = "walking_exact"
-"""The walking section of a second study: the same walks without errors of measurement."""
 SHIPPED = "data/validation"
 """Sections of the full form of the embedded study, as `studies/ship_validation.py` makes them."""
 
@@ -59,19 +57,22 @@ class Part(NamedTuple):
 
 _SECTIONS = {  # what a page needs first comes first
     "bench": Part(bench_section, BenchSectionTable, 5.0), "walking": Part(walking_section, WalkingTable, 20.0),
-    "energy": Part(energy_section, EnergyTable, 30.0), "standing": Part(standing_section, StoodTable, 5.0),
+    "energy": Part(energy_section, EnergyTable, 30.0), "layers": Part(layers_section, LayersTable, 5.0),
+    "standing": Part(standing_section, StoodTable, 5.0),
     "roll_over": Part(roll_over_section, RollOverTable, 20.0),
     "settings": Part(settings_section, SettingsTable, 90.0, full=True),
     "sensitivity": Part(sensitivity_section, SensitivityTable, 180.0, full=True)}
-NAMES = (*_SECTIONS, EXACT)
+EXACT = {f"{name}_exact": _SECTIONS[name] for name in ("layers", "walking")}
+"""Sections of a second study: the same walks without errors of measurement."""
+NAMES = (*_SECTIONS, *EXACT)
 LONG = tuple(name for name, part in _SECTIONS.items() if part.full)
-EVERY_S = 10.0  # between two pages that grow (a choice: to write one takes about 3)
+EVERY_S = 5.0  # between two pages that grow (a choice: to write one takes about 3)
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def tables() -> dict[str, type]:
     """The records of the sections, by name."""
-    return {name: part.table for name, part in _SECTIONS.items()} | {EXACT: WalkingTable}
+    return {name: part.table for name, part in (_SECTIONS | EXACT).items()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,12 +99,14 @@ def run_sections(
     """
     finished: dict[str, Finished] = {}
     asked = {name: part for name, part in _SECTIONS.items() if names is None or name in names}
+    if not (study.contact and (study.contact.momentum or study.contact.discrepancy)):
+        asked.pop("layers", None)  # no plate taught it any
     stored = {name: one for name, part in asked.items()
               if shipped and part.full and (one := shipped.read(name, part.table))}
     plan = [(name, part, study) for name, part in asked.items()
             if name not in stored and (study.options.full or not part.full)]
     if exact is not None:
-        plan.append((EXACT, _SECTIONS["walking"], exact))
+        plan += [(name, part, exact) for name, part in EXACT.items()]
     total, before, shown_s = sum(part.about_s for _, part, _ in plan), 0.0, -math.inf
     for i, (name, part, own) in enumerate(plan):
         def show(what: str, fraction: float, name: str = name, before: float = before, part: Part = part) -> None:
@@ -317,6 +320,7 @@ def validation_content(
     content = Validation(
         title=f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}", first_line=first_line(study),
         verdict=tuple(say("validation", "verdict", walking=found.get("walking"), bench=found.get("bench"),
+                          layers=found.get("layers"),
                           to_come="walking" not in finished,
                           unmet=[row.what for row in summary if row.met is False])),
         synthetic=study.synthetic, sections={

@@ -145,6 +145,14 @@ class LayerRow:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LayersTable:
+    """The section of predictions in layers."""
+
+    rows: tuple[LayerRow, ...]
+    synthetic: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class ShownWalk:
     """The walk of the arrays `moved_*`, and the walk whose measured curves are its null model there."""
 
@@ -163,7 +171,6 @@ class WalkingTable:
     fitted: RoleSummary | None
     offsets_fitted: RoleSummary | None
     angle_errors: tuple[AngleErrorRow, ...]
-    layers: tuple[LayerRow, ...]  # none without a contact that keeps what its plates taught
     shown: ShownWalk | None  # None where no stance lies inside its window
     stance_r: float | None  # Pearson's over all walks
     stance_n: int
@@ -176,13 +183,14 @@ class WalkingTable:
     synthetic: bool
 
 
-def layer_rows(study: Study) -> tuple[LayerRow, ...]:
-    """Every walk in layers; none without a contact that keeps what its plates taught."""
-    contact = study.contact
-    if contact is None or not (contact.momentum or contact.discrepancy):
-        return ()
-    rows = []
-    for walk in study.walks:
+def layers_section(study: Study, *, progress: Progress | None = None) -> Section[LayersTable]:
+    """Every walk in layers; ValueError without a contact that keeps what its plates taught."""
+    contact, rows = study.contact, list[LayerRow]()
+    if contact is None:
+        raise ValueError("layers are what a contact's plates taught")
+    for i, walk in enumerate(study.walks):
+        if progress:
+            progress("walking with the person's own momentum", i / len(study.walks))
         found = layers_of(walk.recorded, walk.label, contact, step_s=study.options.step_s,
                           walker=Walker(walk.trial.subject, walk.trial.model))
         rows.append(LayerRow(
@@ -190,7 +198,7 @@ def layer_rows(study: Study) -> tuple[LayerRow, ...]:
             null_model_grf_rmse_bw=found.null_model_grf_rmse_bw,
             null_model_predicted_times_grf_rmse_bw=found.null_model_predicted_times_grf_rmse_bw,
             **{f"{layer}_grf_rmse_bw": score.grf_rmse_bw for layer, score in found.layers.items()}))
-    return tuple(rows)
+    return Section(table=LayersTable(rows=tuple(rows), synthetic=study.synthetic))
 
 
 def walking_section(study: Study, *, progress: Progress | None = None) -> Section[WalkingTable]:
@@ -228,8 +236,8 @@ def walking_section(study: Study, *, progress: Progress | None = None) -> Sectio
     right = [row.sweep.right for row in rows if row.sweep is not None]
     table = WalkingTable(
         rows=tuple(rows), conditions=tuple(condition(x, own) for x, own in by_position.items()), held_out=held_out,
-        fitted=fitted, offsets_fitted=offsets_fitted, angle_errors=angle_errors, layers=layer_rows(study),
-        shown=shown, stance_r=stance_r, stance_n=stance_n,
+        fitted=fitted, offsets_fitted=offsets_fitted, angle_errors=angle_errors, shown=shown, stance_r=stance_r,
+        stance_n=stance_n,
         angle_recording_rmse_deg=finite(rms(
             error for walk in study.walks for error in corrected_deg(walk.result, walk.recorded.trajectory).values())),
         sweeps=sum(one is not None for one in right), sweeps_right=right.count(True), spm1d=spm_version(),

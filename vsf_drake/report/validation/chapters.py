@@ -18,7 +18,7 @@ from vsf_drake.report.validation.energy_chapter import energy_chapter
 from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity_chapter import sensitivity_chapter
 from vsf_drake.report.validation.settings_chapter import settings_chapter
-from vsf_drake.report.validation.walking_chapter import exact_chapter, walking_chapter
+from vsf_drake.report.validation.walking_chapter import exact_chapter, layers_chapter, walking_chapter
 
 Content = Mapping[str, Any]
 """What a `validation.json` holds, of any version, which a record of this version need not take."""
@@ -26,7 +26,9 @@ Content = Mapping[str, Any]
 
 _MAKERS: dict[str, tuple[str, Callable[..., Chapter]]] = {
     "bench": ("Bench", bench_chapter), "standing": ("Standing", standing_chapter),
-    "walking": ("Walking", walking_chapter), "walking_exact": ("Without errors of measurement", exact_chapter),
+    "walking": ("Walking", walking_chapter), "layers": ("Prediction in layers", layers_chapter),
+    "walking_exact": ("Without errors of measurement", exact_chapter),
+    "layers_exact": ("Prediction in layers", partial(layers_chapter, exact=True)),
     "energy": ("Energy storage and return", energy_chapter), "roll_over": ("Roll-over", roll_over_chapter),
     "settings": ("Can two settings be distinguished?", settings_chapter),
     "sensitivity": ("Sensitivity", sensitivity_chapter)}
@@ -46,7 +48,7 @@ def make_chapters(
     for name, (title, maker) in _MAKERS.items():
         section, chapter = content["sections"].get(name), Chapter(name=name, title=title)
         if not isinstance(section, Mapping):
-            if name == "walking_exact":  # only of the embedded trials
+            if name in ("layers", "walking_exact", "layers_exact"):  # only of some studies
                 continue
             why = ["Still to come." if content.get("to_come") else
                    "Not among these results; `vsf-drake validate --full` computes it."]

@@ -28,7 +28,7 @@ from vsf_drake.report.style import (
 )
 
 if TYPE_CHECKING:
-    from vsf_drake.analysis.validation.walking_section import WalkingCondition, WalkingTable
+    from vsf_drake.analysis.validation.walking_section import LayersTable, WalkingCondition, WalkingTable
 
 _ACROSS = 3
 """Conditions side by side in a figure."""
@@ -95,6 +95,13 @@ def exact_chapter(table: WalkingTable, arrays: Arrays) -> Chapter:
     """Table 3 and every walk whose motion and force belong together: what of an error is the model's own."""
     return Chapter(name="walking_exact", title="Walking without errors of measurement",
                    template="validation/walking.html.j2", facts={**vars(table), **_walks(table), "exact": True})
+
+
+def layers_chapter(table: LayersTable, arrays: Arrays, *, exact: bool = False) -> Chapter:
+    """Every walk in layers; `exact`: those without errors of measurement."""
+    title = "Prediction in layers" + exact * " without errors of measurement"
+    return Chapter(name="layers_exact" if exact else "layers", title=title, template="validation/layers.html.j2",
+                   facts={**vars(table), "exact": exact})
 
 
 def _walks(table: WalkingTable) -> dict[str, Any]:

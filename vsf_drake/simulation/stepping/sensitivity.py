@@ -43,17 +43,15 @@ if TYPE_CHECKING:
 
 @internal
 def carry(
-    h: float, k: int, end_share: float, share: float, tree: TreeArrays, forces: Forces, dofs: FreePrescribed,
-    directions: TangentDirections, workspace: Workspace, tangent: Tangent, q0: np.ndarray, v: np.ndarray, record: Record
+    h: float, k: int, end_share: float, share: float, dofs: FreePrescribed, directions: TangentDirections,
+    A: np.ndarray, tangent: Tangent, record: Record
 ) -> None:
-    """Takes `tangent` from the start to the end of the step that `newton.step` has just made, and writes to `record`.
+    """Takes `tangent` from the start to the end of the step that was just linearised, and writes to `record`.
 
-    It ends `end_share` of the way from instant k of the run's grid to the next, and is `share` of that way; q0 (n,) are
-    the coordinates at its start, v (n,) the velocities at its end. `record` holds what it left of sites and support.
+    It ends `end_share` of the way from instant k of the run's grid to the next, and is `share` of that way; A is its
+    `newton.tangent_matrix`, which is lost, and `tangent` as `linearise` left it.
     """
     nf, (C, P), rhs, end = dofs.free.shape[0], directions.unit.shape, tangent.rhs, tangent.v_end
-    tangent_matrix(h, tree, forces, dofs, workspace, EXACT, record.sites[k])
-    linearise(h, tree, forces, dofs, directions, workspace, tangent, q0, v, record.sites[k], record.fulcrum[k])
 
     # du of prescribed directions: 0, but for perturbations, which go straight over the step, as in `stepper.substep`.
     for e in range(directions.perturbation_direction.shape[0]):
@@ -71,7 +69,7 @@ def carry(
             by_q, by_v, by_end = -h * tangent.Gq[i, j], -h * tangent.Gv[i, j], -tangent.B[i, j] if j >= nf else 0.0
             for p in range(P):
                 rhs[i, p] += by_q * tangent.q[j, p] + by_v * tangent.v[j, p] + by_end * end[j, p]
-    solve_columns(workspace.A, rhs)
+    solve_columns(A, rhs)
     for i in range(nf):
         copy(rhs[i], end[i])
 

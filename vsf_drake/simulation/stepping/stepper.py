@@ -9,6 +9,7 @@ the step. A step that does not converge is halved.
 from __future__ import annotations
 
 import dataclasses
+import gc
 import math
 import time
 from collections.abc import Callable
@@ -26,8 +27,8 @@ from vsf_drake.laws.compiled import compiled
 from vsf_drake.simulation.stepping import assembly
 from vsf_drake.simulation.stepping.assembly import Forces, FreePrescribed, Workspace
 from vsf_drake.simulation.stepping.directions import ParameterTangent, Tangent, TangentDirections
-from vsf_drake.simulation.stepping.newton import copy, step
-from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, carry, write_state
+from vsf_drake.simulation.stepping.newton import EXACT, copy, step, tangent_matrix
+from vsf_drake.simulation.stepping.sensitivity import ForwardSensitivity, carry, linearise, write_state
 from vsf_drake.simulation.stepping.tree import Tree, TreeArrays, tree_arrays, tree_of
 
 CHUNK = 32  # steps between looks for progress and interruption
@@ -113,6 +114,8 @@ class Stepper:
             raise ValueError("sensitivities need the compiled dynamics, and no torques")
         record = _empty_record(drive, q0, v0, sites=len(m.sites), forward=forward)
         q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
+        start = Start(q=np.empty_like(q), load=np.empty_like(q), q_next=np.empty(len(inputs.prescribed)),
+                      M=np.zeros((0, 0)), C=np.zeros(0))
         dofs = assembly.split_coordinates(m.tree, forces, np.asarray(inputs.prescribed, dtype=np.int64))
         workspace = assembly.step_workspace(m.tree, forces, dofs, self.tolerance)
         directions, tangent = (None, None) if forward is None else forward.prepare(m.tree, forces, dofs, steps)
@@ -121,8 +124,8 @@ class Stepper:
         done = 0
         while done < steps:
             last = min(done + CHUNK, steps)
-            failed, coordinate = go(done, last, self.tree, forces, dofs, workspace, drive, MAX_SPEED, q, v, record,
-                                    directions, tangent)
+            failed, coordinate = go(done, last, self.tree, forces, dofs, workspace, drive, MAX_SPEED, q, v, start,
+                                    record, directions, tangent)
             if failed >= 0:
                 raise SimulationError(f"coordinate {m.tree.coordinate_names[coordinate]} diverged (speed "
                                       f"{v[coordinate]:.3g})", time_s=float(inputs.time_s[failed + 1]))
@@ -147,14 +150,19 @@ class Stepper:
         if sensitivities in _warm:
             return 0.0
         _warm.add(sensitivities)
-        started = time.perf_counter()
+        started, collecting = time.perf_counter(), gc.isenabled()
+        gc.disable()  # looking through what the compiler makes, again and again, is a seventh of its time
         n = self.mechanism.tree.num_coordinates
         held = Inputs(time_s=np.array([0.0, 1e-3]), prescribed=np.arange(n), prescribed_q=np.zeros((2, n)),
                       fulcrum=np.zeros(2), ground=np.zeros(2))
         forward = ForwardSensitivity(
             tangents=(ParameterTangent(),), measured=np.ones(len(self.mechanism.sites), dtype=bool),
             q0=np.zeros((n, 1))) if sensitivities else None
-        self.run(held, np.zeros(n), np.zeros(n), forward=forward)
+        try:
+            self.run(held, np.zeros(n), np.zeros(n), forward=forward)
+        finally:
+            if collecting:
+                gc.enable()
         return time.perf_counter() - started
 
     def settle(
@@ -261,6 +269,16 @@ class Drive(NamedTuple):
     torques: Torques
 
 
+class Start(NamedTuple):
+    """Work space of `advance`: a substep's start and what it takes from there."""
+
+    q: np.ndarray  # (n,) coordinates there
+    load: np.ndarray  # (n,) see `newton.step`
+    q_next: np.ndarray  # (p,) where the prescribed coordinates go
+    M: np.ndarray  # (0, 0) and C (0,), see `newton.step`
+    C: np.ndarray
+
+
 def drive_of(inputs: Inputs) -> Drive:
     """The inputs as arrays for compiled code."""
     time_s, prescribed_q, fulcrum, ground = (
@@ -310,8 +328,8 @@ def diverged(q: np.ndarray, v: np.ndarray, max_speed: float) -> int:
 @partial(compiled, nogil=True)
 def advance(
     first: int, last: int, tree: TreeArrays, forces: Forces, dofs: FreePrescribed, workspace: Workspace, drive: Drive,
-    max_speed: float, q: np.ndarray, v: np.ndarray, record: Record, directions: TangentDirections | None = None,
-    tangent: Tangent | None = None,
+    max_speed: float, q: np.ndarray, v: np.ndarray, start: Start, record: Record,
+    directions: TangentDirections | None = None, tangent: Tangent | None = None,
     dynamics: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
 ) -> tuple[int, int]:
     """Advances q, v (n,) in place over steps first ... last - 1; returns step and coordinate that diverged or -1.
@@ -319,8 +337,7 @@ def advance(
     With `directions` and `tangent` the sensitivities are carried along. Uncompiled (`advance.py_func`) it takes mass
     matrix, Coriolis and gravity terms from `dynamics`.
     """
-    M, C = np.empty((0, 0)), np.empty(0)
-    q0, v0, load, q_next = q.copy(), v.copy(), np.empty_like(q), np.empty(dofs.prescribed.shape[0])
+    M, C, q0, load, q_next = start.M, start.C, start.q, start.load, start.q_next
     for k in range(first, last):
         record.iterations[k], record.parts[k], record.converged[k] = 0, 0, True
         done = record.parts[k]  # a literal 0 would compile what it is given to twice
@@ -334,7 +351,6 @@ def advance(
         while done < PARTS:
             h, fulcrum, ground, ground_rate = substep(drive, k, done, size, q_next)
             copy(q, q0)
-            copy(v, v0)
             if dynamics is not None:
                 M, C = dynamics(q, v)
             iterations, converged = step(
@@ -350,10 +366,13 @@ def advance(
                 for i in range(q.shape[0]):
                     record.load[k, i] += share * load[i]
                 if directions is not None and tangent is not None:
-                    carry(h, k, end, share, tree, forces, dofs, directions, workspace, tangent, q0, v, record)
+                    tangent_matrix(h, tree, forces, dofs, workspace, EXACT, record.sites[k])
+                    linearise(h, tree, forces, dofs, directions, workspace, tangent, q0, v, record.sites[k],
+                              record.fulcrum[k])
+                    carry(h, k, end, share, dofs, directions, workspace.A, tangent, record)
             else:
                 copy(q0, q)
-                copy(v0, v)
+                copy(workspace.v0, v)
         if directions is not None and tangent is not None and record.load_by.shape[0] > 0:
             write_state(k, directions, tangent, record)
         copy(q, record.q[k])
