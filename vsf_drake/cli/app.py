@@ -41,8 +41,9 @@ Seed = Annotated[int, typer.Option(help="Of all that is random.", min=0)]
 
 
 def say(line: str) -> None:
-    """A line as it is, broken nowhere; one that begins with "! " stands out."""
-    console.print(line, style="bold yellow" if line.startswith("! ") else None, soft_wrap=True)
+    """A line; a terminal breaks it between words, a file nowhere. One that begins with "! " stands out."""
+    console.print(line, style="bold yellow" if line.startswith("! ") else None, soft_wrap=not console.is_terminal,
+                  overflow="ignore", crop=False)
 
 
 def warn(line: str) -> None:

@@ -165,7 +165,8 @@ def test_policy_goes_to_a_file_and_back_and_a_damaged_one_is_refused_with_its_fi
     path.write_text(json.dumps(plain(made_schedule())), encoding="utf-8")
     assert load_schedule(path) == made_schedule()
     for text, words in (("{", "cannot be read as JSON"), ("[]", "no table"), ('{"format": "x"}', "no policy table"),
-                        ('{"format": "vsf_drake schedule 1"}', "optimal is missing")):
+                        ('{"format": "vsf_drake schedule 1"}', "schedule 1', not .*schedule 2'.*schedule` again"),
+                        ('{"format": "vsf_drake schedule 2"}', "optimal is missing")):
         path.write_text(text, encoding="utf-8")
         with pytest.raises(InputError, match=words) as raised:
             load_schedule(path)

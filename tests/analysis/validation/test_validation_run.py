@@ -139,6 +139,9 @@ def test_the_digest_of_sources_is_of_what_is_imported_and_does(tmp_path, monkeyp
     assert (running._sources_sha256([package / "section.py"]) == before) is same
 
 
+MEASURED = {"synthetic": False, "bench_synthetic": False}
+
+
 @pytest.mark.parametrize(("key", "value", "met", "shown", "asked"), [
     ("bench/stiffness_r2", 0.98, True, "0.9800", "at least 0.98"),
     ("bench/stiffness_r2", 0.97, False, "0.9700", "at least 0.98"),
@@ -153,17 +156,24 @@ def test_the_summary_sets_a_value_beside_what_is_asked_and_never_makes_one_up(ke
     table = value
     for name in reversed(names):
         table = {name: table}
-    row = next(row for row in summary_rows({section: table}, synthetic=False) if row.key == key)
+    row = next(row for row in summary_rows({section: table}, **MEASURED) if row.key == key)
     assert (row.value, row.met, row.shown, row.asked) == (value, met, shown, asked)
-    made = next(row for row in summary_rows({section: table}, synthetic=True) if row.key == key)
-    assert made == dataclasses.replace(row, met=None, asked=None), "a virtual laboratory meets no criterion"
-    others = [row for row in summary_rows({section: table, "walking": table}, synthetic=False) if row.key != key]
+    made = next(row for row in summary_rows({section: table}, synthetic=True, bench_synthetic=True) if row.key == key)
+    assert made == dataclasses.replace(row, met=None, asked=None, synthetic=True), "a made one meets no criterion"
+    others = [row for row in summary_rows({section: table, "walking": table}, **MEASURED) if row.key != key]
     assert others and all(row.value is None and row.shown is None and row.met is None for row in others)
+
+
+def test_recorded_walks_are_judged_although_the_bench_is_synthetic():
+    tables = {"bench": {"stiffness_r2": 0.999}, "walking": {"fitted": {"grf_rmse_bw": 0.02}}}
+    walk, bench = (next(row for row in summary_rows(tables, synthetic=False, bench_synthetic=True) if row.key == key)
+                   for key in ("walking/fitted/grf_rmse_bw", "bench/stiffness_r2"))
+    assert (walk.synthetic, walk.met) == (False, True) and (bench.synthetic, bench.met) == (True, None)
 
 
 def test_a_bench_that_the_foot_was_fitted_to_meets_no_criterion():
     table = {"stiffness_r2": 0.999, "contact_on_bench": ["fitted to a bench"]}
-    row = next(row for row in summary_rows({"bench": table}, synthetic=False) if row.key == "bench/stiffness_r2")
+    row = next(row for row in summary_rows({"bench": table}, **MEASURED) if row.key == "bench/stiffness_r2")
     assert (row.met, row.asked) == (None, None) and row.what.endswith("(fitted to a bench)")
 
 

@@ -178,7 +178,7 @@ def test_damaged_results_are_refused_with_file_and_reason_or_shown_as_far_as_the
     path.unlink()
     with pytest.raises(InputError, match="vsf-drake tune --out"):
         TUNING.remake(out)
-    (tmp_path / "policy.json").write_text('{"format": "vsf_drake schedule 1", "tasks": 3}')
+    (tmp_path / "policy.json").write_text('{"format": "vsf_drake schedule 2", "tasks": 3}')
     with pytest.raises(InputError, match="cannot be used"):
         SCHEDULE.remake(tmp_path)
 

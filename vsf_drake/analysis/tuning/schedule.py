@@ -109,7 +109,7 @@ def _listed(path: Path) -> list[Task]:
     return tasks
 
 
-POLICY_FORMAT = "vsf_drake schedule 1"
+POLICY_FORMAT = "vsf_drake schedule 2"
 LOOKUP = (
     "Between tasks the setting is linear in what tells them apart; outside of the table it is that of the nearest "
     "edge; then it is put within the carriage's reach and on its resolution.")
@@ -322,8 +322,12 @@ def on_carriage(fulcrum_mm: float, reach_mm: Span, resolution_mm: float | None) 
 
 def schedule_of(table: Mapping[str, Any], *, file: str | Path | None = None) -> Schedule:
     """The schedule that a `policy.json` holds; InputError if it is of another format or something is missing in it."""
-    if table.get("format") != POLICY_FORMAT:
-        raise InputError("is no policy table", file=file, right="Name the policy.json that `vsf-drake schedule` wrote")
+    saved = str(table.get("format"))
+    if saved != POLICY_FORMAT:
+        earlier = saved.startswith(POLICY_FORMAT.rstrip("0123456789"))
+        raise InputError(f"has the format {saved!r}, not {POLICY_FORMAT!r}" if earlier else "is no policy table",
+                         file=file, right="Run `vsf-drake schedule` again" if earlier else
+                         "Name the policy.json that `vsf-drake schedule` wrote")
     try:
         return record(Schedule, table)
     except ValueError as error:

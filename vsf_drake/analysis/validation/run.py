@@ -285,6 +285,7 @@ class SummaryRow:
     shown: str | None
     asked: str | None
     met: bool | None
+    synthetic: bool  # what it is about; the paper's figure then does not stand beside it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,7 +295,7 @@ class Validation:
     title: str
     verdict: tuple[str, ...]  # sentences, the one that decides first
     first_line: str
-    synthetic: bool
+    synthetic: bool  # any walk, or the bench
     sections: Mapping[str, SavedSection]
     options: Mapping[str, object]  # of `StudyOptions`, with the step
     contact: str
@@ -316,14 +317,15 @@ def validation_content(
         for walk in study.walks)
     sections = {name: one.section for name, one in finished.items()}
     found = {name: section.table for name, section in sections.items() if section}
-    summary = summary_rows(found, synthetic=study.synthetic)
+    bench_synthetic = study.bench is not None and study.bench.synthetic
+    summary = summary_rows(found, synthetic=study.synthetic, bench_synthetic=bench_synthetic)
     content = Validation(
         title=f"Validation: {study.walks[0].trial.subject.name or 'a walking person'}", first_line=first_line(study),
         verdict=tuple(say("validation", "verdict", walking=found.get("walking"), bench=found.get("bench"),
                           layers=found.get("layers"),
                           to_come="walking" not in finished,
                           unmet=[row.what for row in summary if row.met is False])),
-        synthetic=study.synthetic, sections={
+        synthetic=study.synthetic or bench_synthetic, sections={
             name: SavedSection(
                 table=section.table if section else None, wall_s=finished[name].wall_s, failure=finished[name].failure,
                 missing=(*say("validation", "shipped", date=finished[name].computed),
@@ -405,8 +407,11 @@ _ANSWERS = (("energy/softer_stores_more", "Energy: a softer setting stores more,
             ("energy/softer_returns_more", "Energy: a softer setting returns more, as the real device does"))
 
 
-def summary_rows(sections: Mapping[str, object], *, synthetic: bool) -> tuple[SummaryRow, ...]:
-    """The summary of the sections' tables by name; what is not there gives a row with an unknown value."""
+def summary_rows(
+    sections: Mapping[str, object], *, synthetic: bool, bench_synthetic: bool
+) -> tuple[SummaryRow, ...]:
+    """The summary of the sections' tables by name; what is not there gives a row with an unknown value. `synthetic` are
+    the walks."""
     saved = plain(sections)
 
     def at(key: str) -> Any:
@@ -420,15 +425,17 @@ def summary_rows(sections: Mapping[str, object], *, synthetic: bool) -> tuple[Su
     for line in _LINES:
         value, what = at(line.key), line.what
         limit, relation = (line.most, "at most") if line.most is not None else (line.least, "at least")
-        if synthetic or (fitted and line.key.startswith("bench/")):
+        of_bench = line.key.startswith("bench/")
+        made = bench_synthetic if of_bench else synthetic
+        if made or (fitted and of_bench):
             limit = None
-        if fitted and line.key.startswith("bench/"):
+        if fitted and of_bench:
             what += " (fitted to a bench)"
         if line.key == _REMAINDER and value is not None:
             what += f" (in steps of {1e3 * at('energy/step_s'):g} ms)"
         text = None if value is None else line.form.format(line.scale * value)
         rows.append(SummaryRow(
-            what=what, key=line.key, value=value, unit=line.unit, paper=line.paper,
+            what=what, key=line.key, value=value, unit=line.unit, paper=line.paper, synthetic=made,
             shown=line.form.format(0.0) if text and not float(text) else text,  # a zero has no sign
             asked=None if limit is None else f"{relation} {line.scale * limit:g}",
             met=None if value is None or limit is None else bool(
@@ -436,6 +443,6 @@ def summary_rows(sections: Mapping[str, object], *, synthetic: bool) -> tuple[Su
     for key, what in _ANSWERS:
         value = at(key)
         rows.append(SummaryRow(what=what, key=key, value=value, unit="", paper=None, asked=None if synthetic else "yes",
-                               met=None if synthetic else value,
+                               synthetic=synthetic, met=None if synthetic else value,
                                shown=None if value is None else "yes" if value else "no"))
     return tuple(rows)

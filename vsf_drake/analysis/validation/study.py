@@ -88,8 +88,8 @@ class Study:
 
     @property
     def synthetic(self) -> bool:
-        """Whether any walk or the bench was constructed rather than measured."""
-        return any(walk.trial.synthetic for walk in self.walks) or (self.bench is not None and self.bench.synthetic)
+        """Whether any walk was constructed rather than recorded; of the bench `bench.synthetic` tells."""
+        return any(walk.trial.synthetic for walk in self.walks)
 
     def conditions(self) -> dict[float, tuple[StudyWalk, ...]]:
         """Walks by fulcrum position (mm), softest first."""
