@@ -171,6 +171,8 @@ _FORCE_CUTOFF_HZ, _HEIGHT_CUTOFF_HZ = 20.0, 12.0
 """Of the forces that are compared and of the change of height (choices)."""
 _LEAST_N_PER_M = 8e3
 """Least stiffness in a Newton step, where the foot hardly bears (a choice)."""
+_PROBE_M = 1e-4
+"""Change of height by whose effect the stiffness is measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,13 +196,12 @@ def walk_with_same_load(
     `step_s` after a search for the height in steps of `search_step_s`; raises what `Walker.walk` does."""
     weight = walker.subject.mass_kg * float(np.linalg.norm(walker.gait.plant.gravity_field().gravity_vector()))
 
-    def walked(x: float, step: float, height: np.ndarray | None = None, *, differentiated: bool = False) -> Walk:
+    def walked(x: float, step: float, height: np.ndarray | None = None) -> Walk:
         perturbations = [] if height is None else [
             MotionPerturbation(name="height", coordinate=_HEIGHT, shape=make_interp_spline(grid, height, k=3))]
         return walker.walk(
             trial.trajectory, fulcrum_m=x, start_s=trial.start_s, end_s=trial.end_s, step_s=step, offsets=trial.offsets,
-            perturbations=perturbations, values={"perturbation.height": 1.0} if perturbations else {},
-            with_respect_to=(f"coordinate.{_HEIGHT}",) if differentiated else ())
+            perturbations=perturbations, values={"perturbation.height": 1.0} if perturbations else {})
 
     def smooth(height: np.ndarray) -> np.ndarray:
         return low_pass(height, rate_hz=1.0 / search_step_s, cutoff_hz=_HEIGHT_CUTOFF_HZ)
@@ -219,12 +220,12 @@ def walk_with_same_load(
     grid = np.concatenate([[trial.start_s], time])
     height = np.zeros(len(grid))
     for _ in range(_MOST_WALKS):
-        walk = walked(fulcrum_m, search_step_s, height, differentiated=True)
-        too_much = vertical(walk) - wanted
+        found = vertical(walked(fulcrum_m, search_step_s, height))
+        too_much = found - wanted
         if off_bw(too_much) <= _CLOSE_ENOUGH:
             break
-        assert walk.sensitivity is not None
-        falling = smooth(-walk.sensitivity.grf_W[:, 2, 0])
+        # A second walk tells the slope without the machine code of derivatives, which nothing needs before.
+        falling = smooth((found - vertical(walked(fulcrum_m, search_step_s, height + _PROBE_M))) / _PROBE_M)
         height[1:] += smooth(too_much / np.maximum(falling, _LEAST_N_PER_M))
     final = walked(fulcrum_m, step_s, height)
     off = np.interp(time, final.record.time_s, vertical(final)) - wanted
