@@ -9,6 +9,7 @@ import re
 import pytest
 from browser import chromium, look
 from page_reader import Balanced
+from readable import assert_readable
 
 from vsf_drake.analysis.recording import MARKS
 from vsf_drake.analysis.recording.examine import examine
@@ -67,10 +68,11 @@ def test_every_check_stands_on_the_page_with_mark_and_sentence(item, page):
     assert first == sorted(first, key=lambda mark: -MARKS.index(mark))
 
 
-def test_synthetic_trials_are_called_so_in_title_text_and_every_figure(item, page):
+def test_synthetic_trials_are_called_so_in_title_text_and_every_figure_which_a_telephone_can_show(item, page):
     assert "(SYNTHETIC)</title>" in page
     assert "SYNTHETIC, not recorded: " in page
     for make in (angle_figure, force_figure, floor_figure):
         figure = make(item)
+        assert_readable(figure, make.__name__)
         labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
         assert any("SYNTHETIC" in label for label in labels)

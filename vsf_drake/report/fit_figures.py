@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -27,7 +28,9 @@ from vsf_drake.report.style import (
     colour_of,
     drawing,
     label,
+    legend_below,
     log_scale,
+    say_synthetic,
     tag,
 )
 
@@ -43,7 +46,6 @@ MOST_ROWS = 45
 _FITTED, _GOOD, _BAD = "fitted", "#1f6f8b", "#b3261e"
 _PRIOR = ((2.0, "0.95"), (1.0, "0.87"))
 _WIDEST = 4.5
-_INCHES = 6.4  # wide, so that letters can be read on a telephone
 
 
 def fit_figures(table: FitTable) -> dict[str, Figure]:
@@ -84,28 +86,22 @@ def _dot(name: str, marker: str = "o", **look: Any) -> Line2D:
     return Line2D([], [], linestyle="", label=name, marker=marker, **look)
 
 
-def _finish(figure: Figure, handles: Sequence[Artist], columns: int, *, synthetic: bool = False) -> None:
-    """Legend below, and over it all what nobody recorded."""
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns)
-    if synthetic:
-        figure.suptitle("SYNTHETIC trials, not recorded", x=0.01, ha="left", fontsize=11)
-
-
 def fit_bench_figure(bench: BenchRow) -> Figure:
     """The fitted foot's forefoot in the testing machine beside the measurement: stiffness, and mid-range displacement
     where it was measured, over the fulcrum's position."""
     rows = [(name, unit, quantity) for name, unit, quantity in (
         ("stiffness", "N/mm", bench.stiffness), ("mid-range displacement", "mm", bench.mid_range)) if quantity]
     synthetic = " (SYNTHETIC)" if bench.synthetic else ""
-    with drawing(_INCHES, 3.4 * len(rows)) as figure:
+    with drawing(PANEL[0], 0.6 + 2.6 * len(rows)) as figure:
         for axes, (name, unit, quantity) in zip(figure.subplots(len(rows), squeeze=False)[:, 0], rows, strict=True):
-            _bench(axes, bench.fulcrum_mm, quantity, unit)
-            label(axes, x="fulcrum from the keel's posterior end (mm)", y=f"{name} ({unit})",
+            handles = _bench(axes, bench.fulcrum_mm, quantity)
+            label(axes, x=FULCRUM, y=f"{name} ({unit})",
                   title=f"Forefoot{synthetic}, RMS difference {quantity.rmse:.2f} {unit}")
+        legend_below(figure, handles)
     return figure
 
 
-def _bench(axes: Axes, x: Sequence[float], quantity: Beside, unit: str) -> None:
+def _bench(axes: Axes, x: Sequence[float], quantity: Beside) -> list[Artist]:
     measured, model = quantity.measured, quantity.model
     solid: dict[str, Any] = {"color": "0.6", "linewidth": 2.4}
     dashed: dict[str, Any] = {"color": "0.2", "linewidth": 1.4, "linestyle": (0, (4, 1.6))}
@@ -119,12 +115,10 @@ def _bench(axes: Axes, x: Sequence[float], quantity: Beside, unit: str) -> None:
                   markerfacecolor="white", markeredgewidth=1.6, zorder=4)
         axes.annotate(number(fitted - k, "{:+.2f}"), (position, max(k, fitted)), xytext=(0, 9), ha="center",
                       fontsize=8, textcoords="offset points")
-    axes.plot([], [], label="measured, ± 2 standard deviations", **solid)
-    axes.plot([], [], marker="o", markerfacecolor="white", label=f"fitted model; number: its difference ({unit})",
-              **dashed)
     axes.set_ylim(0.0, 1.2 * max(*measured, *model))
     axes.margins(x=0.1)
-    axes.legend(loc="upper right" if measured[-1] < measured[0] else "upper left")
+    return [Line2D([], [], label="measured, ± 2 standard deviations", **solid),
+            Line2D([], [], marker="o", markerfacecolor="white", label="fitted, with its difference", **dashed)]
 
 
 def fit_error_figure(table: FitTable) -> Figure:
@@ -135,7 +129,8 @@ def fit_error_figure(table: FitTable) -> Figure:
          {"marker": "D", "color": NEUTRAL, "markersize": 5.5, "markerfacecolor": "white"}),
         ("floor: the true foot on this motion", [score.floor_grf_rmse_bw for _, score in rows],
          {"marker": "|", "color": "black", "markersize": 12, "markeredgewidth": 1.8})]
-    with drawing(_INCHES, max(2.4, 1.5 + 0.27 * len(rows))) as figure:
+    names = [textwrap.fill(t.label, 22) + f"\n{t.role}, {t.fulcrum_mm:g} mm" for t, _ in rows]
+    with drawing(PANEL[0], 1.9 + len(rows) * (0.1 + 0.14 * max(name.count("\n") + 1 for name in names))) as figure:
         axes = figure.subplots()
         for _, values, look in beside:
             for y, value in enumerate(values):
@@ -149,17 +144,18 @@ def fit_error_figure(table: FitTable) -> Figure:
                           markerfacecolor=colour if trial.role == _FITTED else "white")
         axes.set_xlim(left=0.0)
         axes.margins(x=0.08)
-        axes.set_yticks(range(len(rows)), [f"{t.label}, {t.role}, {t.fulcrum_mm:g} mm" for t, _ in rows])
+        axes.set_yticks(range(len(rows)), names)
         axes.set_ylim(len(rows) - 0.4, -0.6)
         beaten = any(null is not None for null in beside[0][1])
-        label(axes, x="RMS error (% body weight)", y="trial (one row each)", title=(
-            "Resultant force" + ": left of its diamond\nnearer to the plate than the null model" * beaten))
+        label(axes, x="RMS error (% body weight)", y="trial\n(one row each)", title=(
+            "Resultant force" + ": left of its\ndiamond nearer to the plate\nthan the null model" * beaten))
         handles: list[Artist] = [_dot("fitted trial", color=NEUTRAL, markersize=7)]
         if any(trial.role != _FITTED for trial, _ in rows):
             handles.append(_dot("held-out trial", color=NEUTRAL, markersize=7, markerfacecolor="white",
                                 markeredgewidth=1.8))
         handles += [_dot(name, **look) for name, values, look in beside if any(v is not None for v in values)]
-        _finish(figure, handles, 2, synthetic=any(trial.synthetic for trial, _ in rows))
+        legend_below(figure, handles)
+        say_synthetic(figure, any(trial.synthetic for trial, _ in rows), "trials")
     return figure
 
 
@@ -169,16 +165,17 @@ def fit_parameter_figure(parameters: Sequence[ParameterRow], unidentified: Colle
     free = [(row, value) for row in parameters if (value := row.value_in_prior_sd) is not None]
     smooth = [pair for pair in free if is_smooth(pair[0].name)]
     largest = sorted(smooth, key=lambda pair: -abs(pair[1]))[:MOST_ROWS]
-    of = f", the {MOST_ROWS} largest of {len(smooth)}" if len(smooth) > MOST_ROWS else ""
+    of = f",\nthe {MOST_ROWS} largest of {len(smooth)}" if len(smooth) > MOST_ROWS else ""
     columns = [(rows, title) for rows, title in (
-        ([pair for pair in free if pair not in smooth], "Contact, geometry and the rest"),
-        (sorted(largest, key=lambda pair: pair[0].name), f"Smooth errors of the motion{of}")) if rows]
+        ([pair for pair in free if pair not in smooth], "Contact, geometry\nand the rest"),
+        (sorted(largest, key=lambda pair: pair[0].name), f"Smooth errors\nof the motion{of}")) if rows]
     counts = [3 + len(rows) for rows, _ in columns]
-    with drawing(_INCHES, max(3.2, 2.3 + 0.19 * sum(counts))) as figure:
+    with drawing(PANEL[0], max(3.2, 2.3 + 0.19 * sum(counts))) as figure:
         panels = figure.subplots(len(columns), squeeze=False, height_ratios=counts)[:, 0]
         for axes, (rows, title) in zip(panels, columns, strict=True):
             _parameters(axes, rows, unidentified)
-            label(axes, x="from the prior's mean (its standard deviations)", y="parameter (one row each)", title=title)
+            label(axes, x="from the prior's mean\n(its standard deviations)", y="parameter\n(one row each)",
+                  title=title)
         handles: list[Artist] = [
             Patch(facecolor=_PRIOR[1][1], label="prior, ± 1 SD (lighter: ± 2)"),
             Line2D([], [], color=_GOOD, marker="o", label="fitted value and 95 % interval"),
@@ -186,7 +183,7 @@ def fit_parameter_figure(parameters: Sequence[ParameterRow], unidentified: Colle
                    label="not identified: mostly prior")]
         if any(row.at_bound for row, _ in free):
             handles.append(Line2D([], [], color=_BAD, marker="s", label="at a bound"))
-        _finish(figure, handles, 2)
+        legend_below(figure, handles)
     return figure
 
 
@@ -213,7 +210,7 @@ def _parameters(axes: Axes, rows: Sequence[tuple[ParameterRow, float]], unidenti
 def paper_search_figure(state: PaperState) -> Figure:
     """The paper's error over its iterations."""
     objectives = (state.initial_objective_n2, *(objective for _, objective, _ in state.history))
-    with drawing(_INCHES, 3.2) as figure:
+    with drawing(PANEL[0], 2.6) as figure:
         axes = figure.subplots()
         axes.plot([0, *(number for number, *_ in state.history)], [*map(state.rms_n, objectives)], color=_GOOD,
                   marker="o", markersize=4.0, linewidth=1.4)
@@ -235,16 +232,15 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
     forces = (("Resultant", "", [np.linalg.norm(force, axis=1) for force in both], metrics.grf_rmse_bw),
               ("Fore-aft", "forward ", [force[:, 0] for force in both], metrics.fore_aft_rmse_bw))
     looks: list[dict[str, Any]] = [{"color": colour, **MEASURED}, {"color": colour, **SIMULATED}]
-    with drawing(_INCHES, 5.2) as figure:
-        grid = figure.add_gridspec(2, 2)
-        panels = [figure.add_subplot(place) for place in (grid[0, :], grid[1, 0], grid[1, 1])]
+    with drawing(PANEL[0], 6.4) as figure:
+        panels = figure.subplots(3)
         windows = metrics.scored_window_s or ((curves.time_s[0], curves.time_s[-1]),)
         for axes, (name, forward, pair, error) in zip(panels, forces, strict=False):
             axes.axhline(0.0, color="0.7", linewidth=0.8)
             for force, look in zip(pair, looks, strict=True):
                 axes.plot(curves.time_s, force, **look)
             axes.set_xlim(windows[0][0], windows[-1][1])
-            label(axes, x="time (s)", y=f"{forward}force (body weights)", title=f"{name}{off(error, 'BW')}")
+            label(axes, x="time (s)", y=f"{forward}force\n(body weights)", title=f"{name}{off(error, 'BW')}")
         axes, centres = panels[-1], [curves.cop_measured_fl, curves.cop_model_fl]
         if np.isfinite(centres).all(axis=0).any():
             for centre, look in zip(centres, looks, strict=True):
@@ -253,14 +249,13 @@ def fit_trial_figure(trial: FitTrialRow, score: TrialScore) -> Figure:
             axes.text(0.5, 0.5, "no centre of pressure\nin common", transform=axes.transAxes, ha="center", va="center",
                       color=NEUTRAL)
         axes.set_xlim(0.0, 100.0)
-        label(axes, x="stance (%)", y="ahead of its rearmost (% FL)",
+        label(axes, x="stance (%)", y="ahead of its\nrearmost (% FL)",
               title=f"Centre of pressure{off(metrics.cop_rmse_fl, 'FL')}")
         names = ("reference (synthetic)" if trial.synthetic else "force plate",
                  "fitted model (off: root mean square)")
-        _finish(figure, [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)], 2)
-        kind = ", SYNTHETIC" if trial.synthetic else ""
-        figure.suptitle(f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} mm{kind}", x=0.01, ha="left",
-                        fontsize=11)
+        legend_below(figure, [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)])
+        title = f"{trial.label}: {trial.role}, fulcrum {trial.fulcrum_mm:g} mm{', SYNTHETIC' * trial.synthetic}"
+        figure.suptitle(textwrap.fill(title, 54), x=0.01, ha="left", fontsize=10)
     return figure
 
 
@@ -293,7 +288,8 @@ def fit_sweep_figure(trials: Sequence[TrialSweep]) -> Figure:
         if any(None in trial.sweep.grf_rmse_bw for trial in trials):
             handles.append(_dot("the walk failed", "x", color="black"))
         label(axes, x=FULCRUM, y="resultant, RMS error (% BW)")
-        _finish(figure, handles, len(handles), synthetic=any(trial.synthetic for trial in trials))
+        legend_below(figure, handles)
+        say_synthetic(figure, any(trial.synthetic for trial in trials), "trials")
     return figure
 
 

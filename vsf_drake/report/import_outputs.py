@@ -21,7 +21,7 @@ from vsf_drake.motion.trial import Trial, load_trial, trial_files, write_trial_f
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.report.page import render
 from vsf_drake.report.results_folder import ResultsFolder
-from vsf_drake.report.style import NEUTRAL, drawing, label
+from vsf_drake.report.style import NEUTRAL, PANEL, drawing, label, legend_below
 from vsf_drake.schema import dump_yaml, to_plain
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.yaml_file import dump
@@ -111,14 +111,13 @@ _ANGLES = (("pelvis_tilt", "Pelvic tilt (front up +)"), ("pelvis_list", "Pelvic 
 _SWING_SHARE = 1.6
 _USUAL_STANCE_S = 0.7
 _TIME = "time (s)"
-_INCHES = 6.4  # wide, so that letters can be read on a telephone
 
 
 def angle_figure(item: Examined) -> Figure:
     """Joint angles of both sides over each stance and the swing after it; dotted: at standing."""
     motion = item.trial.tracked or item.trial.trajectory  # markers know both ankles
     standing = item.trial.calibration.angles_rad if item.trial.calibration else {}
-    with drawing(_INCHES, 8.6) as figure:
+    with drawing(PANEL[0], 7.8) as figure:
         for axes, (stem, title) in zip(figure.subplots(4, 2).ravel(), _ANGLES, strict=True):
             for side in SIDES:
                 name = stem if stem.startswith("pelvis") else f"{stem}_{side[0]}"
@@ -146,7 +145,7 @@ def _laid_out(item: Examined, side: str) -> list[tuple[float, float]]:
 def force_figure(item: Examined) -> Figure:
     """Vertical, fore-aft and medio-lateral force of each foot in body weights; shaded: the trial's window."""
     trial = item.trial
-    with drawing(_INCHES, 6.0) as figure:
+    with drawing(PANEL[0], 5.6) as figure:
         titles = ("Vertical", "Fore-aft (forward +)", "Medio-lateral (left +)")
         for axes, column, title in zip(figure.subplots(3, sharex=True), (2, 0, 1), titles, strict=True):
             for side, plate in trial.plates.items():
@@ -160,7 +159,7 @@ def force_figure(item: Examined) -> Figure:
 
 def floor_figure(item: Examined) -> Figure:
     """The floor from above: centres of pressure, each foot from heel to toe as it stands flat, corners of plates."""
-    with drawing(_INCHES, 3.4) as figure:
+    with drawing(PANEL[0], 2.7) as figure:
         axes = figure.subplots()
         for plate in item.trial.recording.plates if item.trial.recording else ():
             if plate.corners_m is not None:
@@ -189,5 +188,5 @@ def _with_legend(figure: Figure, item: Examined, more: str = "") -> Figure:
                for side in SIDES]
     handles += [Line2D([], [], color="none", label=text)
                 for text in (more, "SYNTHETIC, not recorded" if item.trial.synthetic else "") if text]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2)
+    legend_below(figure, handles)
     return figure

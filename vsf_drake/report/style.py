@@ -7,13 +7,14 @@ that the order survives grey print. Nothing global changes and no display is nee
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import colormaps, rc_context, rcParamsDefault
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -123,6 +124,16 @@ def tag(axes: Axes, text: str, at: tuple[float, float], colour: ColorType, *, of
     """Names a curve beside it, in its colour; `offset` in points from `at`."""
     axes.annotate(text, at, offset, textcoords="offset points", color=colour, fontweight="bold", ha=ha, va=va,
                   annotation_clip=False)
+
+
+def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
+    """A legend under all panels, in as many columns as fit."""
+    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined] # of FigureCanvasAgg
+    for columns in (3, 2, 1):
+        legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.2)
+        if columns == 1 or legend.get_window_extent(renderer).width <= figure.bbox.width:
+            break
+        legend.remove()
 
 
 def log_scale(axis: Axis, base: float = 10.0) -> None:

@@ -28,6 +28,7 @@ from made_tuning import (
     task,
 )
 from page_reader import Balanced
+from readable import assert_readable
 
 from vsf_drake.analysis.tuning.schedule import load_schedule, make_schedule
 from vsf_drake.analysis.tuning.table import SweepPoint, Term, tuning_of
@@ -109,6 +110,19 @@ def test_the_report_made_again_is_the_same_to_the_byte_and_its_tags_close(run, f
             path.unlink()
         assert run("report", tmp_path / kind)[::2] == (0, "")
         assert files(tmp_path / kind) == files(folders / kind)
+
+
+@pytest.mark.parametrize("kind", ["level_1", "level_2", "not optimal", "schedule"])
+def test_every_figure_can_be_read_on_a_telephone(kind):
+    tables = {"level_1": made_table(), "level_2": made_stride_table(), "not optimal": made_table(optimal=False),
+              "schedule": made_schedule()}
+    arrays = made_stride_arrays() if kind == "level_2" else made_arrays()
+    page = schedule_page if kind == "schedule" else tuning_page
+    chapters = page(plain(tables[kind]), {} if kind == "schedule" else arrays, lenient=False)["chapters"]
+    figures = {name: figure for chapter in chapters for name, figure in chapter.figures.items()}
+    assert len(figures) == {"level_1": 7, "level_2": 8, "not optimal": 7, "schedule": 3}[kind]
+    for name, figure in figures.items():
+        assert_readable(figure, name)
 
 
 @pytest.mark.slow

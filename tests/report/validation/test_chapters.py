@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_study import saved_section
-from matplotlib.text import Text
+from readable import LEAST_PX, letters_px
 from shown_chapter import Shown
 
 from vsf_drake.analysis.validation.bench_section import FallenRow
@@ -67,9 +67,6 @@ def saved(quick_validation):
     return _saved
 
 
-TELEPHONE_PX, LEAST_PX = 366.0, 8.0  # width of a page's content on a telephone of 390 pixels, height of its letters
-
-
 def assert_sound(chapter, table, arrays):
     """Figures tell their finding in a title and in numbers, with units on their axes and letters for a telephone;
     every table can be shown and written; what is open is short."""
@@ -77,9 +74,7 @@ def assert_sound(chapter, table, arrays):
     for name, alt in shown.alts.items():
         assert re.search(r"\d", alt) and len(alt) > 50 and shown.captions[name] and shown.titles[name], name
         assert "nan" not in alt.lower() and "None" not in alt, name
-        texts = [text for text in shown.figures[name].findobj(Text) if text.get_text() and text.get_visible()]
-        letters = min(text.get_fontsize() for text in texts) / 72.0
-        assert letters * TELEPHONE_PX / shown.figures[name].get_figwidth() >= LEAST_PX, name
+        assert letters_px(shown.figures[name]) >= LEAST_PX, name
         for axes in shown.figures[name].axes:
             if axes.axison:
                 assert re.search(r"\(.+\)$", axes.get_xlabel()) or axes.get_subplotspec(), name

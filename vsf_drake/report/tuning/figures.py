@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from vsf_drake.analysis.tuning.schedule import Schedule, TaskSetting
 from vsf_drake.analysis.tuning.table import TaskOptimum, TuningTable
-from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, SHADE, colour_of, drawing, label
+from vsf_drake.report.style import MARKERS, MEASURED, NEUTRAL, PANEL, SHADE, colour_of, drawing, label, legend_below
 from vsf_drake.report.tuning import reading
 from vsf_drake.report.tuning.reading import Arrays
 
@@ -21,7 +21,6 @@ NOT_OPTIMAL = "NOT OPTIMAL"
 FULCRUM = "fulcrum from the keel's end (mm)"
 _FAILED = "#b3261e"
 _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5)), (0, (1, 1)))
-_WIDE = 6.4  # inches, so that letters can be read on a telephone
 
 
 def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
@@ -29,7 +28,7 @@ def _drawn(draw: Callable[..., None]) -> Callable[..., Figure]:
     are synthetic."""
     @wraps(draw)
     def drawn(table: TuningTable | Schedule, *others: Any) -> Figure:
-        with drawing(_WIDE, 1.0) as figure:
+        with drawing(PANEL[0], 1.0) as figure:
             draw(figure, table, *others)
             said = NOT_OPTIMAL * (not table.optimal), "SYNTHETIC trials, not recorded" * bool(table.synthetic)
             if any(said):
@@ -46,12 +45,8 @@ def _panels(figure: Figure, count: int, across: int, x_label: str) -> list[Axes]
         axes.set_axis_off()
     for axes in panels[max(count - across, 0):count]:
         axes.tick_params(labelbottom=True)
-        axes.set_xlabel(x_label)
+        axes.set_xlabel(textwrap.fill(x_label, 20))
     return list(panels[:count])
-
-
-def _legend(axes: Axes, **look: Any) -> None:
-    axes.legend(loc="best", frameon=True, facecolor="white", edgecolor="none", **{"framealpha": 0.8, **look})
 
 
 def _colour(fulcrum_mm: float | None) -> Any:
@@ -90,7 +85,7 @@ def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> No
 def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
     """The cost over the whole range with its optimum; where terms of it only hold to the recording, also without
     these, with that least."""
-    figure.set_size_inches(_WIDE, 3.9)
+    figure.set_size_inches(PANEL[0], 3.9)
     axes, best = figure.subplots(), table.fulcrum_mm
     x_of, trials = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials")
     if x_of is not None and trials is not None and np.shape(trials)[1] > 1:
@@ -112,16 +107,16 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
             "marker": "x", "markersize": 11, "color": _FAILED, "markeredgewidth": 2.4,
             "label": f"last iterate, {NOT_OPTIMAL}"}
         _point(axes, best, best, table.cost, zorder=5, **look)
-    label(axes, x=FULCRUM, y="\n".join(textwrap.wrap(f"{table.cost_label} ({table.cost_unit})", 40)),
+    label(axes, x=FULCRUM, y="\n".join(textwrap.wrap(f"{table.cost_label} ({table.cost_unit})", 34)),
           title="By itself the cost is least elsewhere" if table.held_from else "Cost over the whole range")
     _mark_positions(axes, table)
-    _legend(axes)
+    legend_below(figure, axes.get_legend_handles_labels()[0])
 
 
 @_drawn
 def terms_figure(figure: Figure, table: TuningTable) -> None:
     """What each term of the cost adds as the fulcrum leaves the optimum."""
-    figure.set_size_inches(_WIDE, 3.6)
+    figure.set_size_inches(PANEL[0], 3.9)
     axes, terms = figure.subplots(), [row for row in table.terms if len(table.swept("terms", row.name)[0])]
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     for i, row in enumerate(terms):
@@ -131,7 +126,7 @@ def terms_figure(figure: Figure, table: TuningTable) -> None:
                marker=MARKERS[i % len(MARKERS)], label=row.label)
     label(axes, x=FULCRUM, y=f"change from the optimum ({table.cost_unit})", title="What each term adds")
     _mark_positions(axes, table)
-    _legend(axes)
+    legend_below(figure, axes.get_legend_handles_labels()[0])
 
 
 @_drawn
@@ -139,7 +134,7 @@ def outcomes_figure(figure: Figure, table: TuningTable) -> None:
     """One panel an outcome; the grey band is its uncertainty about the value at the optimum."""
     rows, best = reading.shown_outcomes(table), table.fulcrum_mm
     across = min(2, len(rows))
-    figure.set_size_inches(_WIDE, 0.5 + 2.3 * -(-len(rows) // across))
+    figure.set_size_inches(PANEL[0], 0.5 + 2.3 * -(-len(rows) // across))
     for axes, row in zip(_panels(figure, len(rows), across, FULCRUM), rows, strict=True):
         x, y = table.swept("outcomes", row.name)
         _mark_positions(axes, table, named=False)
@@ -154,7 +149,7 @@ def outcomes_figure(figure: Figure, table: TuningTable) -> None:
             axes.margins(y=0.5)
         axes.set_ylabel(row.unit if row.unit not in ("", "1") else "no unit")
         hardly = ": hardly changes" if row.matters is False else ""
-        axes.set_title(textwrap.fill(f"{row.label}{hardly}", 36), loc="left")
+        axes.set_title(textwrap.fill(f"{row.label}{hardly}", 23, break_on_hyphens=False), loc="left")
 
 
 _RECORDED: dict[str, Any] = {"label": "recorded", "color": "0.45", **MEASURED}
@@ -168,26 +163,29 @@ _LINES: dict[str, dict[str, Any]] = {
 
 
 def _forces(
-    panels: np.ndarray, arrays: Arrays, rows: Mapping[str, str], time: Callable[[str], Any],
-    looks: Mapping[str, Mapping[str, Any]], *, vertical: int, x_label: str
+    figure: Figure, arrays: Arrays, rows: Mapping[str, str], time: Callable[[str], Any],
+    looks: Mapping[str, Mapping[str, Any]], *, vertical: int, x_label: str,
+    sharex: bool = False
 ) -> None:
     """A row for each of `rows` (what its arrays begin with, by title), fore-aft (column 0 of arrays) and vertical."""
+    panels = figure.subplots(len(rows), 2, sharex=sharex, squeeze=False)
     for row, (title, prefix) in zip(panels, rows.items(), strict=True):
         for axes, column, direction in zip(row, (0, vertical), ("fore-aft", "vertical"), strict=True):
             for name, look in looks.items():
                 if f"{prefix}{name}" in arrays:
                     axes.plot(time(prefix), np.asarray(arrays[f"{prefix}{name}"])[:, column], **look)
-            label(axes, x=x_label, y="force (N)", title=f"{title}{direction}")
-    panels[0, 0].figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+            label(axes, x=x_label, y="force (N)",
+                  title=textwrap.fill(f"{title}{direction}", 23, break_on_hyphens=False))
+    legend_below(figure, panels[0, 0].get_legend_handles_labels()[0])
 
 
 @_drawn
 def stride_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
     """Level 2: forces of both feet over the gait cycle, as far as `arrays` has them."""
     rows = {f"{name}, ": f"grf_{foot}" for foot, name in reading.FEET.items() if f"grf_{foot}" in arrays}
-    figure.set_size_inches(_WIDE, 0.7 + 2.6 * len(rows))
-    _forces(figure.subplots(len(rows), 2, sharex=True, squeeze=False), arrays, rows,
-            lambda prefix: 100.0 * np.asarray(arrays["phase"]), _LINES, vertical=1, x_label="gait cycle (%)")
+    figure.set_size_inches(PANEL[0], 0.9 + 2.2 * len(rows))
+    _forces(figure, arrays, rows, lambda prefix: 100.0 * np.asarray(arrays["phase"]), _LINES, vertical=1,
+            x_label="gait cycle (%)", sharex=True)
 
 
 @_drawn
@@ -200,10 +198,9 @@ def stance_force_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> N
         called = name if table.optimal or name != "optimum" else "last iterate"
         looks[name] = {"color": colour_of(mm), "linestyle": dashes,
                        "linewidth": 1.4, "label": called if mm is None else f"{called}, {mm:.0f} mm"}
-    figure.set_size_inches(_WIDE, 0.9 + 2.7 * len(shown))
-    _forces(figure.subplots(len(shown), 2, squeeze=False), arrays,
-            {f"{trial}: ": prefix for trial, prefix in shown.items()}, lambda prefix: arrays[f"{prefix}time"], looks,
-            vertical=2, x_label="time (s)")
+    figure.set_size_inches(PANEL[0], 0.9 + 2.1 * len(shown))
+    _forces(figure, arrays, {f"{trial}: ": prefix for trial, prefix in shown.items()},
+            lambda prefix: arrays[f"{prefix}time"], looks, vertical=2, x_label="time (s)")
 
 
 @_drawn
@@ -211,7 +208,7 @@ def stride_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) 
     """Level 2: coordinates ("q") or joint "torque" over the gait cycle, and the recorded ones."""
     count = np.shape(arrays[key])[1]
     names = map(str, arrays["names"][-count:])
-    figure.set_size_inches(_WIDE, 0.6 + 2.1 * -(-count // 2))
+    figure.set_size_inches(PANEL[0], 0.6 + 1.8 * -(-count // 2))
     panels = _panels(figure, count, 2, "gait cycle (%)")
     for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
         for suffix in ("_recorded", ""):
@@ -222,7 +219,7 @@ def stride_figure(figure: Figure, table: TuningTable, arrays: Arrays, key: str) 
         axes.set_ylabel("torque (N m)" if key == "torque" else
                         "from its mean (mm)" if name in reading.LENGTHS else "angle (°)")
         axes.set_title(name.replace("_", " "), loc="left")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    legend_below(figure, panels[0].get_legend_handles_labels()[0])
 
 
 def _line(name: str, values: np.ndarray) -> np.ndarray:
@@ -239,7 +236,7 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
     points = [(row.fulcrum_mm, (row.first, row.second)) for row in table.pareto
               if row.fulcrum_mm is not None and row.first is not None and row.second is not None]
     first, second = (f"{name.replace('_', ' ')} (in its unit)" for name in table.pareto_names)
-    figure.set_size_inches(_WIDE, 4.2)
+    figure.set_size_inches(PANEL[0], 3.7)
     axes = figure.subplots()
     x, y = ([at[k] for _, at in points] for k in (0, 1))
     axes.plot(x, y, color=NEUTRAL, linewidth=1.0)
@@ -251,7 +248,8 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
         if all(np.hypot((at_x - other_x) / wide, (at_y - other_y) / tall) > 0.08 for other_x, other_y in named):
             named.append((at_x, at_y))
             axes.annotate(f"{mm:.0f} mm", (at_x, at_y), xytext=(7, 5), textcoords="offset points", fontsize=8)
-    axes.margins(x=0.12, y=0.1)
+    axes.margins(x=0.17, y=0.1)
+    axes.locator_params(axis="x", nbins=5)
     label(axes, x=first, y=second, title="Less of one costs more of the other")
 
 
@@ -259,11 +257,11 @@ def pareto_figure(figure: Figure, table: TuningTable) -> None:
 def tasks_figure(figure: Figure, table: TuningTable | Schedule) -> None:
     """Each task's own setting, and by how much one setting for all is worse."""
     rows: tuple[TaskOptimum | TaskSetting, ...] = table.tasks
-    figure.set_size_inches(_WIDE, 2.2 + 0.6 * len(rows))
+    figure.set_size_inches(PANEL[0], 2.2 + 0.6 * len(rows))
     left, right = figure.subplots(2)
     _one_for_all(left, table)
     if table.common_fulcrum_mm is not None:
-        _legend(left, framealpha=None)
+        legend_below(figure, left.get_legend_handles_labels()[0])
     for place, row in enumerate(rows):
         if isinstance(row, TaskSetting) and row.interval_mm is not None:
             left.plot(row.interval_mm, [place, place], color="0.75", linewidth=5.0, solid_capstyle="butt", zorder=1)
@@ -279,8 +277,8 @@ def tasks_figure(figure: Figure, table: TuningTable | Schedule) -> None:
     right.margins(x=0.15)
     right.set_xlim(left=0.0)
     label(left, x=FULCRUM, y="", title="Setting of each task")
-    label(right, x=f"more cost with one setting for all ({reading.excess_unit(table)})", y="",
-          title=f"What the one for all costs: {table.cost_label}")
+    label(right, x=f"more cost with one for all ({reading.excess_unit(table)})", y="",
+          title=textwrap.fill(f"What the one for all costs: {table.cost_label}", 38))
 
 
 @_drawn
@@ -288,7 +286,7 @@ def robustness_figure(figure: Figure, table: TuningTable) -> None:
     """Where the optimum goes when something that is not known exactly is changed."""
     rows = [(row.what, row.fulcrum_mm) for row in table.robustness if row.fulcrum_mm is not None]
     ends = [row.fulcrum_mm for row in table.sweep]
-    figure.set_size_inches(_WIDE, 1.4 + 0.4 * len(rows))
+    figure.set_size_inches(PANEL[0], 1.4 + 0.4 * len(rows))
     axes = figure.subplots()
     if table.fulcrum_interval_mm is not None:
         axes.axvspan(*table.fulcrum_interval_mm, color=SHADE, zorder=0)
@@ -296,17 +294,17 @@ def robustness_figure(figure: Figure, table: TuningTable) -> None:
         axes.axvline(table.fulcrum_mm, color="black", linewidth=1.0, zorder=1)
     for place, (_, mm) in enumerate(rows):
         _point(axes, mm, mm, place, markersize=7, zorder=2)
-    axes.set_yticks(range(len(rows)), [textwrap.fill(what, 30) for what, _ in rows])
+    axes.set_yticks(range(len(rows)), [textwrap.fill(what, 24) for what, _ in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
     if ends:
         axes.set_xlim(min(ends) - 2.0, max(ends) + 2.0)
-    label(axes, x=FULCRUM, y="", title="The optimum when something is changed")
+    label(axes, x=FULCRUM, y="", title="The optimum with one thing changed")
 
 
 @_drawn
 def schedule_curves_figure(figure: Figure, table: Schedule) -> None:
     """By how much each task's cost exceeds its own least, over the fulcrum; the one setting for all as a line."""
-    figure.set_size_inches(_WIDE, 4.0)
+    figure.set_size_inches(PANEL[0], 4.0)
     axes = figure.subplots()
     for i, row in enumerate(reading.curved(table)):
         x, y = np.array(row.sweep.fulcrum_mm), np.array(row.sweep.cost)
@@ -317,7 +315,7 @@ def schedule_curves_figure(figure: Figure, table: Schedule) -> None:
             _point(axes, row.fulcrum_mm, row.fulcrum_mm, row.cost - least, markersize=7,
                    marker="o" if row.optimal else "x")
     _one_for_all(axes, table)
-    _legend(axes)
+    legend_below(figure, axes.get_legend_handles_labels()[0])
     label(axes, x=FULCRUM, y=f"cost above the task's least ({table.cost_unit})",
           title="What a task loses off its own setting")
 
@@ -328,8 +326,8 @@ def policy_figure(figure: Figure, table: Schedule, name: str) -> None:
     rows = sorted(((getattr(row, name), row.exact_mm, row) for row in table.tasks if row.exact_mm is not None),
                   key=lambda row: row[0])
     x, y = [at for at, _, _ in rows], [exact_mm for _, exact_mm, _ in rows]
-    beyond = 0.15 * (max(x) - min(x) or 1.0)
-    figure.set_size_inches(_WIDE, 3.8)
+    beyond = 0.3 * (max(x) - min(x) or 1.0)
+    figure.set_size_inches(PANEL[0], 3.8)
     axes = figure.subplots()
     axes.plot([x[0] - beyond, *x, x[-1] + beyond], [y[0], *y, y[-1]], color="black", linewidth=1.2,
               label="lookup, before rounding")
@@ -339,10 +337,12 @@ def policy_figure(figure: Figure, table: Schedule, name: str) -> None:
             axes.plot([at] * 2, row.interval_mm, color="0.8", linewidth=6.0, solid_capstyle="butt", zorder=0,
                       label="interval" if i == 0 else None)
         _point(axes, stored_mm, at, stored_mm, label="stored" if i == 0 else None)
-        axes.annotate(row.label, (at, stored_mm), xytext=(8, 6), textcoords="offset points", fontsize=8)
+        side = -1 if y[-1] > y[0] else 1  # where the lookup is below
+        axes.annotate(textwrap.fill(row.label, 12), (at, stored_mm), xytext=(8 * side, 6), textcoords="offset points",
+                      fontsize=8, ha="right" if side < 0 else "left")
     if table.common_fulcrum_mm is not None:
         axes.axhline(table.common_fulcrum_mm, color=NEUTRAL, linestyle="--", linewidth=1.2, label="one for all")
     low, high = table.reach_mm
     axes.set_ylim(low - 2.0, high + 2.0)
-    _legend(axes)
+    legend_below(figure, axes.get_legend_handles_labels()[0])
     label(axes, x=reading.DESCRIPTORS[name], y=FULCRUM, title="What the controller would set")
