@@ -132,7 +132,7 @@ def test_a_walk_is_kept_with_its_metrics_and_the_screen_names_where(run, tmp_pat
     code, out, err = run("validate", TRIAL, *WITH, "--out", tmp_path / "out")
     assert (code, err.strip()) == (0, "")
     assert out.startswith("Walking data are SYNTHETIC")
-    assert "open report.html first" in " ".join(out.split())
+    assert "".join(out.split()).endswith(f"writtento{tmp_path / 'out' / 'report.html'}")
     metrics = read_json(tmp_path / "out" / "walks" / "medium_2" / "metrics.json")
     assert metrics["role"] == "held out"
     about = yaml.safe_load((tmp_path / "out" / "walks" / "medium_2" / "result.yaml").read_text(encoding="utf-8"))

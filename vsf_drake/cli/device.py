@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from pathlib import Path
 from typing import Annotated
 
@@ -222,7 +221,5 @@ def simulate(
             layers = layers_of(recorded, recorded.name, fitted, walker=Walker(walked.subject, walked.model),
                                step_s=step_s)
     metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, layers=layers, replay=replay)
-    cli.print_text("walk", **metrics, embedded=embedded, unfitted=UNFITTED, moved=moved,
-                   alignment_deg=math.degrees(metrics["offsets"]["alignment_rad"]),
-                   offsets_are="with those of the fitted contact" if contact else "not fitted")
+    cli.print_text("walk", **metrics, embedded=embedded, unfitted=UNFITTED, moved=moved)
     say(f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from vsf_drake.cli.app import Out, app, interrupted, path, say, warn
+from vsf_drake.cli.app import Out, app, interrupted, path, print_text, say, warn
 from vsf_drake.errors import FitError, InputError
 
 JOINT, PAPER = "joint", "paper"
@@ -84,7 +84,7 @@ def fit(
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.cli.fit_run import Checkpoint, make_task, run_task
     from vsf_drake.motion.trial import load_trial
-    from vsf_drake.report.fit_output import CHECKPOINT, CONTACT, FIT, fit_result, synthetic_of
+    from vsf_drake.report.fit_output import CHECKPOINT, CONTACT, FIT, found, synthetic_of
     from vsf_drake.report.results_folder import PAGE
 
     FIT.check(out)
@@ -109,6 +109,5 @@ def fit(
             warn(sentence)
         raise FitError(f"the fit failed: {table.message.removesuffix('.')}. See {out / 'report.html'}; "
                        "no contact.yaml was written")
-    for line in fit_result(table):
-        say(line)
+    print_text("fit", **found(table))
     say(f"written to {out / PAGE}; {CONTACT} beside it is for --contact")

@@ -96,7 +96,7 @@ def validate(
         interrupted(f"; finished sections are in {out / UNFINISHED}: the same command goes on from them")
     SectionStore(out / UNFINISHED, "").remove(NAMES)
     print_text("summary", **written)
-    say(f"written to {out}; open {PAGE} first")
+    say(f"written to {out / PAGE}")
     unread = [*(f"{label}: {why}" for label, why in study.failed), *filter(None, [study.bench_problem])]
     failed = [f"the section {name} failed: {one.failure}" for name, one in finished.items() if one.section is None]
     for line in (*unread, *failed):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vsf_drake.analysis.tuning.common import COSTS, DESIGN, WEIGHTED, check_name
-from vsf_drake.cli.app import Contact, Out, Seed, app, interrupted, path, print_text, progress, say, warn
+from vsf_drake.cli.app import Contact, Out, Seed, app, interrupted, path, print_text, progress, say
 from vsf_drake.errors import FitError, InputError
 
 if TYPE_CHECKING:
@@ -92,7 +92,8 @@ def tune(
     from vsf_drake.analysis.metrics import UNFITTED
     from vsf_drake.analysis.tuning.inputs import load_tuning_trials
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.tuning.chapters import TUNING, answer, first_line, write_tuning
+    from vsf_drake.report.tuning.chapters import TUNING, write_tuning
+    from vsf_drake.report.tuning.reading import compared
 
     options = _level_options(asked)
     TUNING.check(out)
@@ -106,7 +107,8 @@ def tune(
         show("writing the report", 0.99)
         write_tuning(out, table, arrays)
     _check_ended(table, table.status.removesuffix("."), out / PAGE, stopped=_was_interrupted(table))
-    print_text("tuning", t=table, data=first_line(table)[0], answer=answer(table), unfitted=UNFITTED)
+    places = [] if table.cost is None else compared(table, table.cost_at, table.cost)
+    print_text("tuning", t=table, places=places, unfitted=UNFITTED)
     say(f"written to {out / PAGE}")
 
 
@@ -140,7 +142,7 @@ def schedule(
     listed = read_tasks(tasks)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.tuning.chapters import SCHEDULE, schedule_words, write_schedule
+    from vsf_drake.report.tuning.chapters import SCHEDULE, bought, write_schedule
 
     options = _level_options(asked)
     SCHEDULE.check(out)
@@ -154,10 +156,7 @@ def schedule(
         write_schedule(out, policy)
     bad = "; ".join(f"{row.label}: {row.status}" for row in policy.tasks if not row.optimal)
     _check_ended(policy, bad, out / PAGE, stopped=stopped)
-    for sentence in schedule_words(policy):
-        say(sentence)
-    for note in policy.notes:
-        warn(note)
+    print_text("schedule", t=policy, buys=bought(policy))
     say(f"written to {out / PAGE}; {SCHEDULE.table} beside it is for the controller")
 
 

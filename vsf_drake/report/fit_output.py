@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -88,19 +89,23 @@ def write_fit(table: FitTable, out: Path, *, contact: FittedContact | None = Non
 
 
 def fit_result(table: FitTable) -> list[str]:
-    """What a fit that succeeded is worth, in few lines for screen and page; one that begins with "! " is a warning."""
+    """What a fit that succeeded is worth, in few lines; one that begins with "! " is a warning."""
+    return say("fit_result", **found(table))
+
+
+def found(table: FitTable) -> dict[str, Any]:
+    """What screen and page tell of a fit that succeeded, as their templates call it."""
     every = [trial.score for trial in table.trials if trial.score is not None]
     held_out = [score for score in every if score.role == HELD_OUT]
     beside = [(score.label, error, null) for score in held_out if (error := score.metrics.grf_rmse_bw) is not None
               and (null := score.metrics.null_model_grf_rmse_bw) is not None]
     layer = (table.layers and table.layers.earned) or PHYSICS
-    return say(
-        "fit_result", t=table, scores=held_out or every, held_out=bool(held_out),
-        nulls=len(beside), beaten=[label for label, error, null in beside if error >= null],
-        one_setting=_one_setting(table),
-        swept=[score for score in every if score.sweep is not None],
-        disturbed=[row for row in table.angle_errors if row.role == HELD_OUT and row.sd_deg and row.layer == layer],
-        large=[f"{row.trial} {row.series}" for row in table.noise_ratios if row.ratio > NOISE_TOO_SMALL])
+    return {
+        "t": table, "scores": held_out or every, "held_out": bool(held_out), "nulls": len(beside),
+        "beaten": [label for label, error, null in beside if error >= null], "one_setting": _one_setting(table),
+        "swept": [score for score in every if score.sweep is not None],
+        "disturbed": [row for row in table.angle_errors if row.role == HELD_OUT and row.sd_deg and row.layer == layer],
+        "large": [f"{row.trial} {row.series}" for row in table.noise_ratios if row.ratio > NOISE_TOO_SMALL]}
 
 
 def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:

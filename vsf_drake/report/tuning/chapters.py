@@ -160,26 +160,27 @@ def _motion(table: TuningTable, arrays: Arrays) -> Facts:
     return facts
 
 
-def tasks_words(table: TuningTable | Schedule) -> str:
-    """What adaptability buys."""
+def bought(table: TuningTable | Schedule) -> Facts:
+    """What adaptability buys, in numbers."""
     lost = [value for row in table.tasks if (value := reading.excess(row)) is not None]
     settings = [row.fulcrum_mm for row in table.tasks if row.fulcrum_mm is not None]
     if not lost or not settings or table.common_fulcrum_mm is None:
-        return words("tasks", known=False)[0]
+        return {"known": False}
     # What of it is no gain of the person, because a term of the cost only holds to the recording.
     alone, rest = table.rest_common_mm if isinstance(table, Schedule) else None, None
     if alone is not None:
         pairs = [(row.rest or 0.0, row.rest_common or 0.0) for row in table.tasks if isinstance(row, TaskSetting)]
         more = float(np.mean([common - own for own, common in pairs]))
         rest = {"mm": alone, "percent": 100.0 * more / (float(np.mean([abs(own) for own, _ in pairs])) or 1.0)}
-    return words("tasks", known=True, low=min(settings), high=max(settings), common=table.common_fulcrum_mm,
-                 mean=float(np.mean(lost)), most=max(lost), unit=reading.excess_unit(table), rest=rest,
-                 held=bool(table.holding) if isinstance(table, TuningTable) else any(
-                     row.rest is not None for row in table.tasks))[0]
+    return {"known": True, "low": min(settings), "high": max(settings), "common": table.common_fulcrum_mm,
+            "mean": float(np.mean(lost)), "most": max(lost), "unit": reading.excess_unit(table), "rest": rest,
+            "held": bool(table.holding) if isinstance(table, TuningTable) else any(
+                row.rest is not None for row in table.tasks)}
 
 
 def _tasks(table: TuningTable, arrays: Arrays) -> Facts:
-    return {"buys": tasks_words(table), "intervals": False, "figures": {"tasks": figures.tasks_figure(table)},
+    return {"buys": words("tasks", **bought(table))[0], "intervals": False,
+            "figures": {"tasks": figures.tasks_figure(table)},
             "rows": [{**vars(row), "excess": reading.excess(row)} for row in table.tasks],
             "done": [row for row in table.tasks if row.fulcrum_mm is not None], "unit": reading.excess_unit(table)}
 
@@ -220,7 +221,7 @@ def _made(table: TuningTable | Schedule, arrays: Arrays | None = None) -> Facts:
 
 def schedule_words(schedule: Schedule) -> list[str]:
     """What the device would store and what that buys, in sentences."""
-    return words("schedule", t=schedule, buys=tasks_words(schedule) if schedule.optimal else "")
+    return words("schedule", t=schedule, buys=words("tasks", **bought(schedule))[0] if schedule.optimal else "")
 
 
 def _policy(schedule: Schedule) -> Facts:
@@ -233,7 +234,7 @@ def _policy(schedule: Schedule) -> Facts:
     if done:
         shown["tasks"] = figures.tasks_figure(dataclasses.replace(schedule, tasks=tuple(done)))
     return {"sentences": schedule_words(schedule), "known": known, "over": over, "lookup": LOOKUP, "curves": curves,
-            "done": done, "intervals": True, "buys": tasks_words(schedule) if done else "",
+            "done": done, "intervals": True, "buys": words("tasks", **bought(schedule))[0] if done else "",
             "unit": reading.excess_unit(schedule), "figures": shown,
             "rows": [{**row, "excess": reading.excess(task), "told": _MATTERS[task.matters],
                       "of": ", ".join(task.trials)}
