@@ -1,7 +1,7 @@
 """What a tuning and a schedule leave on disk, all of it or nothing, and the chapters of their pages.
 
 Chapters are functions of saved records and arrays: numbers, decisions and figures for the templates `tuning/*.html.j2`,
-where their tables stand too; words that the screen shows as well are in `tuning/words.txt.j2`.
+where their tables stand too; words are in `tuning/words.txt.j2`.
 """
 
 from __future__ import annotations
