@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import pty
 import signal
@@ -13,7 +14,9 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 from command_line import read_json
+from rich.console import Console
 
+from vsf_drake.cli import app
 from vsf_drake.cli.app import console, errors, progress
 from vsf_drake.errors import InputError
 from vsf_drake.files import csv_cells, read_bytes, user_path
@@ -164,6 +167,18 @@ sys.meta_path.insert(0, Slow())
 main()
 """
 INTERRUPTED = "interrupted; results are written whole or not at all"
+
+
+def test_a_terminal_breaks_lines_between_words_and_a_file_nowhere(monkeypatch):
+    sentence, path = "a sentence of words " * 8, f"written to {'folder/' * 30}report.html"
+    for terminal in (True, False):
+        stream = io.StringIO()
+        monkeypatch.setattr(app, "console", Console(file=stream, force_terminal=terminal, width=40, color_system=None))
+        app.say(sentence)
+        app.say(path)
+        lines = stream.getvalue().splitlines()
+        assert lines[-1] == path and (max(map(len, lines[:-1])) <= 40) == terminal
+        assert " ".join(" ".join(lines[:-1]).split()) == sentence.strip()
 
 
 def test_a_closed_terminal_ends_a_command_with_129():

@@ -121,6 +121,8 @@ def test_a_walk_at_another_setting_says_so_before_all_else_and_in_its_results(ru
         code, _, err = run("simulate", trial, "--fulcrum-mm", *words, "--out", tmp_path / "none")
         assert code == 2 and err.startswith("error: --fulcrum-mm: ") and wrong in err
         assert not (tmp_path / "none").exists()
+    code, _, _ = run("simulate", trial, "--fulcrum-mm", "66", "--out", out, "--no-replay", "--step-ms", 4)
+    assert code == 0 and not any("recorded at" in note for note in read_json(out / "metrics.json")["notes"])
 
 
 # `export`.

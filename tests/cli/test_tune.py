@@ -19,6 +19,7 @@ from sweep_files import copied
 
 from vsf_drake.analysis.tuning import inputs, level1, level2
 from vsf_drake.analysis.tuning.schedule import load_schedule
+from vsf_drake.analysis.tuning.table import DesignValue
 from vsf_drake.cli import tune
 from vsf_drake.files import resource
 
@@ -74,6 +75,13 @@ def test_results_are_written_and_the_screen_says_what_was_found(run, tmp_path, m
     assert table["provenance"]["options"]["cost"] == "joint_load"
     assert any("contact.yaml" in name for name in table["provenance"]["inputs_sha256"])
     assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_all_that_was_tuned_stands_on_the_screen(run, tmp_path, made):
+    fulcrum = DesignValue("fulcrum", "mm", 104.2, 66.0, 151.0, None)
+    made["table"] = small_table(design=(fulcrum, DesignValue("heel_stiffness", "N/mm", 71.2, 40.0, 90.0, 65.0)))
+    _, out, _ = run("tune", LOW, "--contact", CONTACT, "--cost", "joint_load", "--out", tmp_path / "out")
+    assert "Together with it: heel stiffness 71.2 N/mm (nominal 65)" in out.splitlines()
 
 
 def test_an_unfitted_foot_is_told_before_any_number(run, tmp_path, made, monkeypatch):

@@ -260,7 +260,7 @@ def test_stored_numbers_are_those_of_the_present_sources(name):
         assert check_stored.differences(name, saved) == [], f"stale: run studies/{check_stored.CHECKS[name][0]} again"
 
 
-@pytest.mark.parametrize("name", ["floor", "contact_fit"])
+@pytest.mark.parametrize("name", [pytest.param("floor", marks=pytest.mark.slow), "contact_fit"])
 def test_a_spot_check_tells_a_number_that_is_off_by_a_thousandth(name):
     saved = copy.deepcopy(check_stored.read(name))
     row = saved["trials"]["low_1"]["laboratory"] if name == "floor" else (

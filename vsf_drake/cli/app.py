@@ -41,9 +41,10 @@ Seed = Annotated[int, typer.Option(help="Of all that is random.", min=0)]
 
 
 def say(line: str) -> None:
-    """A line; a terminal breaks it between words, a file nowhere. One that begins with "! " stands out."""
-    console.print(line, style="bold yellow" if line.startswith("! ") else None, soft_wrap=not console.is_terminal,
-                  overflow="ignore", crop=False)
+    """A line; a terminal breaks it between words but for where things are written, a file nowhere. One that begins with
+    "! " stands out."""
+    console.print(line, style="bold yellow" if line.startswith("! ") else None,
+                  soft_wrap=not console.is_terminal or line.startswith("written to "))
 
 
 def warn(line: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -211,6 +212,7 @@ def simulate(
     moved = None
     if fulcrum_mm is not None:
         fulcrum_m = check_fulcrum(1e-3 * fulcrum_mm, walked.model.foot, where="--fulcrum-mm")
+    if fulcrum_mm is not None and not math.isclose(fulcrum_m, recorded.fulcrum_m, abs_tol=1e-6):
         [moved] = sentences("other_setting", mm=fulcrum_mm, recorded_mm=1e3 * recorded.fulcrum_m)
         walked = dataclasses.replace(walked, fulcrum_m=fulcrum_m, notes=(moved, *walked.notes),
                                      name=f"{walked.name} (recorded at {1e3 * recorded.fulcrum_m:g} mm)")
