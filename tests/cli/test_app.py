@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
@@ -179,6 +180,19 @@ def test_a_terminal_breaks_lines_between_words_and_a_file_nowhere(monkeypatch):
         lines = stream.getvalue().splitlines()
         assert lines[-1] == path and (max(map(len, lines[:-1])) <= 40) == terminal
         assert " ".join(" ".join(lines[:-1]).split()) == sentence.strip()
+
+
+def test_results_fit_80_columns_however_long_the_names_are(monkeypatch):
+    name, sentence = "a person's name, walk " * 5, "this cannot drive the model, for many reasons " * 3
+    check = SimpleNamespace(mark="unusable", name="swing clearance", sentence=sentence.strip())
+    item = SimpleNamespace(mark="unusable", checks=(check,), trial=SimpleNamespace(name=name.strip(), synthetic=True),
+                           expected_error_bw=0.02)
+    stream = io.StringIO()
+    monkeypatch.setattr(app, "console", Console(file=stream, width=200, color_system=None))
+    app.print_text("recordings", items=[item, item], to_do=(), more=("folder/" * 20,))
+    lines = stream.getvalue().splitlines()
+    assert max(len(line) for line in lines if "folder/" not in line) <= 80 and "folder/" * 20 in "".join(lines)
+    assert f"! {name.strip()} (SYNTHETIC): unusable, expected error 2.0 % BW" in " ".join(" ".join(lines).split())
 
 
 def test_a_closed_terminal_ends_a_command_with_129():

@@ -114,7 +114,7 @@ def test_a_walk_at_another_setting_says_so_before_all_else_and_in_its_results(ru
     code, said, _ = run("simulate", trial, "--fulcrum-mm", "70", "--out", out, "--no-replay", "--step-ms", 4)
     assert code == 0
     metrics = read_json(out / "metrics.json")
-    assert "! " + metrics["notes"][0] in said.splitlines()
+    assert "! " + metrics["notes"][0] in " ".join(said.split())
     assert metrics["notes"][0].startswith("The fulcrum is at 70 mm here, where the walk was recorded at 66 mm")
     np.testing.assert_allclose(load_walk(out).fulcrum_m, 0.070, atol=1e-9)
     for words, wrong in ((("9000",), "out of the carriage's reach"), (("66", "--fit-offsets"), "cannot go with")):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +28,7 @@ console = Console(markup=False, highlight=False, emoji=False)
 errors = Console(stderr=True, markup=False, highlight=False, emoji=False)
 """What they print may hold a user's names: nothing in it is markup."""
 
+COLUMNS = 80  # of a line of results: a terminal's usual width
 INTERRUPTED = 130  # what Typer ends with after Ctrl-C
 
 path = user_path  # a path that a user gave, with ~ expanded
@@ -66,31 +68,34 @@ def interrupted(line: str) -> NoReturn:
 def print_text(template: str, /, **facts: Any) -> None:
     """Prints what `templates/TEMPLATE.txt.j2` makes of a command's results, line by line; "! " makes one stand out.
 
-    A table is `{% call table("heading", ..., title="", right=[1]) %}`, a line a row, with │ between its cells; one that
+    A line of more than COLUMNS goes on, indented, in the next one; only a word that is longer itself stays whole. A
+    table is `{% call table("heading", ..., title="", right=[1]) %}`, a line a row, with │ between its cells; one that
     no narrow screen cuts is `{% call columns(right=[1]) %}`.
     """
     from vsf_drake.sentences import text_templates
 
-    tables: list[Table] = []
+    tables: list[Table | str] = []
 
     def rows_of(text: str) -> list[tuple[bool, list[str]]]:
         return [(line.startswith("! "), [cell.strip() for cell in line.removeprefix("! ").split("│")])
                 for line in text.split("\n") if line.strip()]
 
     def table(*headings: str, caller: Callable[[], str], title: str = "", right: Collection[int] = ()) -> str:
-        tables.append(Table(title=title or None))
+        made = Table(title=title or None)
         for i, name in enumerate(headings):
-            tables[-1].add_column(name, justify="right" if i in right else "left", overflow="ellipsis" if i else "fold")
+            made.add_column(name, justify="right" if i in right else "left", overflow="ellipsis" if i else "fold")
         for stands_out, cells in rows_of(caller()):
-            tables[-1].add_row(*map(Text, cells), style="bold yellow" if stands_out else None)
+            made.add_row(*map(Text, cells), style="bold yellow" if stands_out else None)
+        tables.append(made)
         return f"\f{len(tables) - 1}\n"
 
     def columns(caller: Callable[[], str], right: Collection[int] = (), gap: int = 1) -> str:
         rows = [cells for _, cells in rows_of(caller())]
         wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        return "".join((gap * " ").join(
-            cell.rjust(wide[i]) if i in right else cell.ljust(wide[i]) for i, cell in enumerate(cells)).rstrip() + "\n"
-            for cells in rows)
+        tables.append("\n".join((gap * " ").join(
+            cell.rjust(wide[i]) if i in right else cell.ljust(wide[i]) for i, cell in enumerate(cells)).rstrip()
+            for cells in rows))
+        return f"\f{len(tables) - 1}\n"
 
     def one_cell(value: Any) -> Any:  # a name may hold anything, and ends neither cell nor line
         return value.rstrip("\n").replace("\n", " ").replace("│", "|") if isinstance(value, str) else value
@@ -98,10 +103,12 @@ def print_text(template: str, /, **facts: Any) -> None:
     pages = text_templates("cli/templates").overlay(finalize=one_cell)
     text = pages.get_template(f"{template}.txt.j2").render(facts, table=table, columns=columns)
     for line in filter(None, text.split("\n")):
-        if line.startswith("\f"):
-            console.print(tables[int(line[1:])])
+        made = tables[int(line[1:])] if line.startswith("\f") else None
+        if isinstance(made, Table):
+            console.print(made)
         else:
-            say(line)
+            say(made or "\n".join(textwrap.wrap(line, COLUMNS, subsequent_indent="  ", break_long_words=False,
+                                                break_on_hyphens=False)))
 
 
 def model_of(path: Path | None, contact: Path | None = None) -> ModelParameters:

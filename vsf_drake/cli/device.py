@@ -209,19 +209,22 @@ def simulate(
         walked = dataclasses.replace(recorded, notes=(note, *recorded.notes))
     else:
         walked = trial_with(recorded, fitted, file=contact)
-    moved = None
+    moved, layered = None, fitted is not None and bool(fitted.momentum or fitted.discrepancy)
     if fulcrum_mm is not None:
         fulcrum_m = check_fulcrum(1e-3 * fulcrum_mm, walked.model.foot, where="--fulcrum-mm")
     if fulcrum_mm is not None and not math.isclose(fulcrum_m, recorded.fulcrum_m, abs_tol=1e-6):
-        [moved] = sentences("other_setting", mm=fulcrum_mm, recorded_mm=1e3 * recorded.fulcrum_m)
+        [moved] = sentences("other_setting", mm=fulcrum_mm, recorded_mm=1e3 * recorded.fulcrum_m, layered=layered)
         walked = dataclasses.replace(walked, fulcrum_m=fulcrum_m, notes=(moved, *walked.notes),
                                      name=f"{walked.name} (recorded at {1e3 * recorded.fulcrum_m:g} mm)")
     with progress() as show:
         walk = walk_trial(walked, with_fit=fit_offsets, step_s=step_s, progress=show)
-        if fitted is not None and (fitted.momentum or fitted.discrepancy) and moved is None:
+        if fitted is not None and layered and moved is None:
             show("predicting in layers", 1.0)
             layers = layers_of(recorded, recorded.name, fitted, walker=Walker(walked.subject, walked.model),
                                step_s=step_s)
     metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, layers=layers, replay=replay)
-    cli.print_text("walk", **metrics, embedded=embedded, unfitted=UNFITTED, moved=moved)
+    why_not = "" if layers is None else layers.correction.why_not
+    cli.print_text("walk", **metrics | {"trial": recorded.name}, mm=1e3 * walked.fulcrum_m, embedded=embedded,
+                   unfitted=UNFITTED, moved=moved,
+                   not_corrected=sentences("not_corrected", "words", why_not=why_not) if why_not else ())
     say(f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json")

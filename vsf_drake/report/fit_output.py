@@ -233,7 +233,7 @@ def layer_rows(table: LayerTable) -> list[tuple[str, ...]]:
             ", ".join(percent(score.cop_rmse_fl) for score in scores[:2]),  # the discrepancy moves none
             ", ".join(percent(score.cop_ml_rmse_fl) for score in scores[:2]),
             "height {:+.1f} mm, hip {:+.1f}°, knee {:+.1f}°, alignment {:+.1f}°".format(1e3 * done.height_m, *turned)
-            if done.believed else f"none: {done.why_not}"))
+            if done.believed else f"none: {say('not_corrected', 'words', why_not=done.why_not)[0]}"))
     return rows
 
 
