@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+
 from vsf_drake.analysis import validation
 from vsf_drake.analysis.validation.run import LONG, SHIPPED, SectionStore, run_sections, shipped_key
 from vsf_drake.files import resource
@@ -9,6 +11,7 @@ from vsf_drake.files import resource
 
 def main() -> None:
     """Computes what does not fit the present inputs and sources; some minutes for all."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     study = validation.make_study(
         validation.embedded_trials(), contact=validation.embedded_contact(), bench=validation.embedded_bench(),
         options=validation.StudyOptions(full=True))

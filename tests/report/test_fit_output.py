@@ -68,7 +68,7 @@ def test_every_trial_stands_there_in_layers_with_its_correction(page):
     text = re.sub(r"<[^>]*>", "|", page)
     assert "||".join(("soft", "fitted", "66", "2.0", "2.0", "1.0", "3.0", "4.0", "2.0, 2.0, 1.0",
                       "2.0, 2.0", "2.0, 2.0", "height +1.2 mm, hip +0.0°, knee +0.0°, alignment +0.0°")) in text
-    assert "|4.1||4.2||–||–|" in text and "none: window" in text
+    assert "|4.1||4.2||–||–|" in text and "none: the intact foot was not seen to swing" in text
     assert "Prediction in three layers" in page and "three layers" not in fit_page(made_fit(layers=None), {})
 
 
@@ -107,7 +107,7 @@ def test_a_fit_in_few_lines_stands_beside_the_null_model_and_warns_of_what_limit
     assert fit_result(table)[2:] == [
         "! Physics alone is no nearer to the plate than the null model in 1 of 1 walks: other.",
         "! All fitted walks have one fulcrum position: predictions at other positions are not to be trusted.",
-        "! No bench was given: whether this is still the foot of the bench is not known."]
+        "! No bench was given: whether this is still the foot of the bench is unknown."]
     assert any("No walk was held out" in line for line in fit_result(made_fit(trials=(made_trial(),))))
 
 

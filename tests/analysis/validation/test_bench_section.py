@@ -154,7 +154,7 @@ def test_partial_benches_say_what_they_lack(compared_only):
     section = bench_section(study(weak))
     said = " ".join(section.missing)
     assert section.table.lines[0].statistics.n == 1 and section.table.stiffness_r2 is None
-    assert "108 mm: at most 150 N" in said and "heel was not measured" in said
+    assert "108 mm: at most 150 N" in said and "no curve of the heel" in said
     assert "180 mm, which this foot does not reach" in said
     rows = {row.fulcrum_mm: row for row in section.table.settings}
     assert rows[108.0].lines["measured"].stiffness_n_per_mm is None and rows[108.0].lines["model"].mid_range_mm > 0.0

@@ -263,7 +263,7 @@ def test_one_trial_without_contact_fit_still_says_what_noise_allows(monkeypatch)
     assert section.table.as_walked == ()
     said = " ".join(section.missing)
     assert "offsets of every walk" in said and "one setting" in said
-    assert "model's error is not known" in section.table.answer
+    assert "model's error is unknown" in section.table.answer
 
 
 def test_a_stance_that_no_plate_shows_as_a_whole_is_named(monkeypatch):

@@ -168,7 +168,7 @@ def test_walks_of_a_sweep_that_failed_are_unknown_and_said_with_the_reason(monke
     assert [error is None for error in sweep.grf_rmse_bw] == [x < 80.0 for x in sweep.fulcrum_mm]
     said = [sentence for sentence in found.missing if "other software" in sentence]
     assert len(said) == 1 and f"of the {QUICK_POSITIONS} walks" in said[0]
-    assert "not known of low_2" in Shown(walking_chapter(found.table, found.arrays)).words
+    assert "unknown for low_2" in Shown(walking_chapter(found.table, found.arrays)).words
 
 
 def test_walks_stand_in_layers_where_the_contact_keeps_what_its_plates_taught(section):

@@ -270,7 +270,7 @@ def test_a_setting_that_hardly_matters_is_called_so_before_anything_else():
         outcomes=(dataclasses.replace(cost, sentence=""),))
     assert f"{HARDLY}: none of the outcomes" in said(outcomes=matters(False, 1))
     assert HARDLY not in said(outcomes=(push_off, peak))
-    assert "not known" in said(outcomes=()), "nothing was compared with an uncertainty"
+    assert "unknown" in said(outcomes=()), "nothing was compared with an uncertainty"
     assert HARDLY not in said(outcomes=matters(None)), "not known is not no"
 
 

@@ -85,7 +85,7 @@ def test_page_figures_tables_and_numbers_are_written(tmp_path):
     write_validation(content(), ARRAYS, out)
     assert {path.relative_to(out).as_posix() for path in out.rglob("[!.]*") if path.is_file()} == {
         "validation.json", "validation.npz", "report.html", "figures/force.png",
-        "tables/errors.csv", "tables/trials.csv", "tables/times.csv", "tables/files.csv"}
+        "tables/errors.csv", "tables/trials.csv", "tables/times.csv"}
     shown = (out / "report.html").read_text(encoding="utf-8")
     for words in ("Error 0.333 BW.", "No CoP was measured.", "low_9 is not among the results",
                   "Not among these results"):

@@ -393,7 +393,7 @@ _LINES = (
                paper="10 to 14", most=0.10),
     _InputLine("Held-out walks: resultant GRF, RMSE, worst", f"{_HELD_OUT}grf_rmse_bw_worst", "% BW", scale=100.0,
                paper="14", most=0.14),
-    _InputLine("Held-out walks: null model (a stretched measured curve), mean", f"{_HELD_OUT}null_model_grf_rmse_bw",
+    _InputLine("Held-out walks: null model (another walk's plate curve), mean", f"{_HELD_OUT}null_model_grf_rmse_bw",
                "% BW", scale=100.0),
     _InputLine("Held-out walks: CoP along the foot, RMSE, mean", f"{_HELD_OUT}cop_rmse_fl", "% foot length",
                scale=100.0, paper="5.7 to 9.5", most=0.095),
@@ -402,9 +402,9 @@ _LINES = (
     _InputLine("Held-out walks: impulse, RMSE, mean", f"{_HELD_OUT}impulse_rmse_bws", "BW s", "{:.4f}",
                paper="0.01 to 0.05", most=0.05),
     _InputLine("Stance time: correlation over trials", "walking/stance_r", "", "{:.3f}"),
-    _InputLine("Energy: ledger's remainder over stored energy, worst trial", _REMAINDER, "%", scale=100.0, most=0.01))
-_ANSWERS = (("energy/softer_stores_more", "Energy: a softer setting stores more, as the real device does"),
-            ("energy/softer_returns_more", "Energy: a softer setting returns more, as the real device does"))
+    _InputLine("Energy balance: remainder over stored energy, worst trial", _REMAINDER, "%", scale=100.0, most=0.01))
+_ANSWERS = (("energy/softer_stores_more", "Energy: a softer setting stores more"),
+            ("energy/softer_returns_more", "Energy: a softer setting returns more"))
 
 
 def summary_rows(

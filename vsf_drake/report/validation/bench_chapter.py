@@ -52,7 +52,7 @@ def bench_chapter(table: BenchSectionTable, arrays: Arrays) -> Chapter:
             **{f"{key}_{name}": value for key, curve in row.lines.items() if curve
                for name, value in vars(curve).items()}} for row in table.settings],
         "chord_shares": [(words, shares) for key, words in (
-            ("measured", "measured"), ("model", f"simulated ({table.lines[0].name})"))
+            ("measured", _source(table)), ("model", f"simulated ({table.lines[0].name})"))
             if (shares := [(row.fulcrum_mm, curve.curvature_share) for row in forefoot if (curve := row.lines[key])])],
         "loops": [(speed, own[0], own[-1]) for speed, own in ends.items() if len(own) > 1],
         "rate_rows": [{**vars(row), "setting": _position(row.fulcrum_mm), "lost_share": 1.0 - row.return_ratio}
@@ -134,7 +134,7 @@ def _errors_figure(table: BenchSectionTable) -> Figure:
                 axes.plot(x, _of_line(rows, line.key, key) - _of_line(rows, "measured", key), color="0.1",
                           marker=_MARKERS[line.key], markerfacecolor="0.1" if own else "white", label=line.name,
                           linewidth=0.8, linestyle="-" if own else ":")
-            label(axes, x="" if unit == "N/mm" else FULCRUM, y=f"less measured ({unit})",
+            label(axes, x="" if unit == "N/mm" else FULCRUM, y=f"less {_source(table)} ({unit})",
                   title="Stiffness" if unit == "N/mm" else "Mid-range displacement")
         figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=2)
     return figure

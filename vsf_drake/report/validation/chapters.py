@@ -135,7 +135,7 @@ def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
         models = scale * arrays[f"{name}_model"]
         low, high = (function([function(line) for line in (*lines.values(), models)])
                      for function in (np.nanmin, np.nanmax))
-        panel = Panel(name, title, "measured stance (%)", (0.0, 100.0), (min(low, 0.0), 1.05 * high))
+        panel = Panel(name, title, "stance on the plate (%)", (0.0, 100.0), (min(low, 0.0), 1.05 * high))
         panels.append(panel)
         still[name] = {key: panel.points(percent, line) for key, line in lines.items()}
         for frame, model in zip(frames, models, strict=True):
@@ -162,5 +162,4 @@ def moved_walk(arrays: Arrays, own_mm: float) -> dict[str, Any]:
 def _making(content: Content) -> Chapter:
     return Chapter(name="made", title="How this was made", template="validation/made.html.j2", facts={
         **content, "times": [{"section": name.replace("_", " "), "wall_s": section["wall_s"]}
-                             for name, section in content["sections"].items()],
-        "files": [{"file": name, "sha256": digest} for name, digest in content["provenance"]["inputs_sha256"].items()]})
+                             for name, section in content["sections"].items()]})

@@ -26,7 +26,8 @@ from vsf_drake.report.style import (
 if TYPE_CHECKING:
     from vsf_drake.analysis.validation.roll_over_section import InclinedRow, Iso, RollOverTable
 
-_PANELS = (("radius_m", 1e3, "radius", "(mm)"), ("effective_foot_length_ratio", 1.0, "effective /\nfoot length", "(1)"),
+_PANELS = (("radius_m", 1e3, "radius", "(mm)"), ("effective_foot_length_ratio", 1.0, "effective /\nfoot length",
+             "(ratio)"),
            ("mean_moment_arm_m", 1e3, "mean\nmoment arm", "(mm)"))
 
 
