@@ -22,11 +22,11 @@ PACKAGE = ROOT / "vsf_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
 BESIDE_LAWS = ("errors", "files", "text_table", "yaml_file", "schema", "ground",
                "parameters", "model_file", "bench_curves", "contact_file",
-               "sentences", "motion", "scenario")
+               "sentences", "motion", "scenario", "tables")
 LAYERS = ("laws", "systems", "plants", "simulation", "collocation", "analysis", "report", "cli")
 RANK = {name: 0 for name in BESIDE_LAWS} | {name: rank for rank, name in enumerate(LAYERS)}
 WITHOUT_DRAKE = (
-    *(f"{name}.py" for name in ("errors", "files", "text_table", "yaml_file", "schema",
+    *(f"{name}.py" for name in ("errors", "files", "text_table", "yaml_file", "schema", "tables",
                                 "parameters", "model_file", "bench_curves", "contact_file")),
     "laws/*.py", "motion/**/*.py", "simulation/results.py", "simulation/archive.py",
     "analysis/metrics.py", "analysis/sweep_table.py", "analysis/comparison.py", "analysis/bench_metrics.py",

@@ -16,6 +16,7 @@ from vsf_drake.schema import to_plain
 from vsf_drake.simulation.batch.cases import software
 from vsf_drake.simulation.batch.run import WalkOutcome
 from vsf_drake.simulation.variables import Variable
+from vsf_drake.tables import Headline, LabelledArrays, Tabular, record_arrays
 
 SCORES = {
     "grf_rmse_bw": ("body weights", "RMS error of the resultant force, both low-passed at 40 Hz, stances ± 0.25 s"),
@@ -102,6 +103,31 @@ class SweepTable:
     software: Mapping[str, str]
     columns: Mapping[str, Mapping[str, str | float]]  # of sweep.csv: unit, meaning, value in the model
     trials: tuple[SweptTrial, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep(Tabular):
+    """A table with its rows, as other tools take them."""
+
+    table: SweepTable
+    rows: Sequence[SweepRow]
+
+    def labelled(self) -> LabelledArrays:
+        """One row a walk: the columns of sweep.csv."""
+        return record_arrays([row.cells() for row in self.rows], self.table.columns, {"synthetic": self._synthetic})
+
+    def headline(self) -> Headline:
+        """The least error of each trial."""
+        table = self.table
+        return Headline(kind="Sweep", name=", ".join(trial.name for trial in table.trials), synthetic=self._synthetic,
+                        unconverged_steps=table.unconverged_steps, facts=[
+                            ("Walks", table.walks, ""), ("Failed", table.failed, ""),
+                            *((f"Least error of {trial.name}", 100.0 * trial.smallest_error.grf_rmse_bw, "% BW")
+                              for trial in table.trials if trial.smallest_error is not None)])
+
+    @property
+    def _synthetic(self) -> bool:
+        return any(trial.synthetic for trial in self.table.trials)
 
 
 @dataclass(frozen=True, eq=False)

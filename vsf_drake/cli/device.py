@@ -182,6 +182,8 @@ def simulate(
         "Fulcrum position from the keel's posterior end, under the same motion. Default: the trial's."))] = None,
     step_ms: Annotated[float, typer.Option(help="Step of the simulation.")] = 1.0,
     replay: Annotated[bool, typer.Option(help="Write the replay (HTML).")] = True,
+    opensim: Annotated[bool, typer.Option(
+        "--opensim", help="Write walk_ik.mot and walk_grf.mot, too, for OpenSim.")] = False,
 ) -> None:
     """Drives the person by a recording and compares the predicted ground reaction with the force plate."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
@@ -222,9 +224,10 @@ def simulate(
             show("predicting in layers", 1.0)
             layers = layers_of(recorded, recorded.name, fitted, walker=Walker(walked.subject, walked.model),
                                step_s=step_s)
-    metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, layers=layers, replay=replay)
+    metrics = write_walk(walk.result, walk.trial, out, fit=walk.fit, layers=layers, replay=replay, opensim=opensim)
     why_not = "" if layers is None else layers.correction.why_not
     cli.print_text("walk", **metrics | {"trial": recorded.name}, mm=1e3 * walked.fulcrum_m, embedded=embedded,
                    unfitted=UNFITTED, moved=moved,
                    not_corrected=sentences("not_corrected", "words", why_not=why_not) if why_not else ())
-    say(f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json")
+    say(f"written to {out / 'walk.png'}{', replay.html' * replay}, metrics.json"
+        f"{', walk_ik.mot, walk_grf.mot' * opensim}")

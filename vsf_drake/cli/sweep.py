@@ -57,6 +57,8 @@ def sweep(
         "trial.")] = False,
     step_ms: Annotated[float, typer.Option(help="Step of the simulations.")] = 1.0,
     workers: Annotated[int | None, typer.Option(help="Processes. Default: one a core.", min=1)] = None,
+    parquet: Annotated[bool, typer.Option(
+        "--parquet", help="Write sweep.parquet, too; needs the extra `tables`.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Thousands of walks are meant.")] = False,
     list_variables: Annotated[bool, typer.Option(
         "--list", help="Only print the variables of the trials: name, unit, value, bounds.")] = False,
@@ -95,7 +97,7 @@ def sweep(
     check_count(len(trials) * max(1, len(positions)) * (sample or math.prod(len(item.values) for item in axes)),
                 meant=yes)
     loaded, variables = _loaded(trials, contact, axes, positions, sampled=sample is not None, fit_offsets=fit_offsets)
-    check_sweep_folder(out, loaded.values())
+    check_sweep_folder(out, loaded.values(), parquet=parquet)
     plan: dict[str, object] = {"fulcrum_mm": positions or None, "step_ms": step_ms, "fit_offsets": fit_offsets,
                                "contact": contact_hash(contact), "sample": None}
     if sample is None:
@@ -122,12 +124,12 @@ def sweep(
         with progress() as show:
             table, rows = sweep_table(outcomes, loaded, variables=varied, fulcrum=bool(positions), plan=plan,
                                       show=lambda f: show("comparing", f))
-            write_sweep(table, rows, out)
+            write_sweep(table, rows, out, parquet=parquet)
     except KeyboardInterrupt:
         interrupted(f"; the finished walks are in {out / 'cache'}: the same command goes on from them")
     print_text("sweep", **vars(table))
     write_sweep_figure(table, rows, out)
-    say(f"written to {out / 'sweep.csv'}")
+    say(f"written to {out / 'sweep.csv'}{', sweep.parquet' * parquet}")
     if table.failed == table.walks:
         sys.exit(SimulationError.exit_code)
 

@@ -20,7 +20,7 @@ from vsf_drake.motion.contacts import Assignment, PlateContact, assign_plates
 from vsf_drake.motion.events import MINIMUM_S, Span, Stance, common, find_scuffs, find_stances, words
 from vsf_drake.motion.formats.read import read_trial
 from vsf_drake.motion.formats.recording import SIDES, Plate, PlateRecording, Recording, world_to_os
-from vsf_drake.motion.formats.tables import read_storage, write_forces_mot, write_storage
+from vsf_drake.motion.formats.tables import read_storage, write_opensim
 from vsf_drake.motion.manifest import ForceColumns, GeometricOffsets, Manifest, Window, load_manifest, named_file
 from vsf_drake.motion.markers.calibration import calibrate
 from vsf_drake.motion.markers.joints import COORDINATES, orientations_of
@@ -302,31 +302,21 @@ def model_ankle(tracked: TrackedMotion, calibration: Calibration, subject: Subje
     return np.asarray(knee + R_W[f"shank_{side}"] @ calibration.segments[f"foot_{side}"].p_PB)
 
 
-def trial_files(stem: str) -> tuple[str, str]:
-    """The names of the files that a manifest takes as `kinematics` and `forces`."""
-    return f"{stem}_ik.mot", f"{stem}_grf.mot"
-
-
 def write_trial_files(trial: Trial, folder: str | Path, stem: str) -> tuple[str, str]:
-    """Writes the two `trial_files` of a trial; their names.
+    """Writes the two `opensim_files` of a trial; their names.
 
     Both are in OpenSim's frame. Angles are in degrees, with both ankles where the trial comes from markers. What the
     trial's belt carried stays carried: the files are of a floor at rest."""
-    folder = Path(folder)
     columns = dict(zip(trial.trajectory.names, trial.trajectory.values.T, strict=True))
     if trial.tracked is not None:
         columns = dict(zip(trial.tracked.names, trial.tracked.values.T, strict=True)) | columns
         columns = {name: columns[name] for name in (*trial.trajectory.names, *columns)}
-    shown = [column if name in PELVIS_TRANSLATIONS else np.degrees(column) for name, column in columns.items()]
-    kinematics, forces = trial_files(stem)
-    label = "synthetic" if trial.synthetic else "from a recording"
-    write_storage(folder / kinematics, time_s=trial.trajectory.time_s, names=list(columns),
-                  values=np.column_stack(shown), in_degrees=True, title=f"{stem} joint angles, {label}")
-    plates = {side[0]: Plate(side, plate.force_W, plate.cop_W, plate.free_moment_nm)
-              for side in SIDES if (plate := trial.plates.get(side)) is not None}
-    write_forces_mot(folder / forces, time_s=next(iter(trial.plates.values())).time_s, plates=plates,
-                     title=f"{stem} ground reaction forces, {label}")
-    return kinematics, forces
+    return write_opensim(
+        Path(folder), stem, time_s=trial.trajectory.time_s, coordinates=columns, metres=PELVIS_TRANSLATIONS,
+        force_time_s=next(iter(trial.plates.values())).time_s,
+        plates={side: Plate(side, plate.force_W, plate.cop_W, plate.free_moment_nm)
+                for side in SIDES if (plate := trial.plates.get(side)) is not None},
+        source="synthetic" if trial.synthetic else "from a recording")
 
 
 # Body mass from the force plates of a walk.

@@ -17,7 +17,8 @@ from vsf_drake.analysis.recording.examine import Examined, person_table, trial_t
 from vsf_drake.analysis.recording.foot import flat_phase
 from vsf_drake.files import write_text
 from vsf_drake.motion.formats.recording import SIDES
-from vsf_drake.motion.trial import Trial, load_trial, trial_files, write_trial_files
+from vsf_drake.motion.formats.tables import opensim_files
+from vsf_drake.motion.trial import Trial, load_trial, write_trial_files
 from vsf_drake.parameters import GRAVITY, PELVIS_TRANSLATIONS
 from vsf_drake.report.page import render
 from vsf_drake.report.results_folder import ResultsFolder
@@ -36,7 +37,7 @@ def write_import(imported: ImportedWalks, out: Path) -> None:
     first = imported.items[0]
     failures = {Path(path).name: why for path, why in imported.failures.items()}
     shared = {_SUBJECT: first.trial.subject, **({_MODEL: first.trial.model} if imported.scaled else {})}
-    of_walks = [{"manifest": f"{name}.yaml", **dict(zip(("kinematics", "forces"), trial_files(name), strict=True))}
+    of_walks = [{"manifest": f"{name}.yaml", **dict(zip(("kinematics", "forces"), opensim_files(name), strict=True))}
                 for name in imported.names]
 
     def write_files(folder: Path) -> None:

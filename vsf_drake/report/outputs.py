@@ -6,14 +6,18 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from vsf_drake.analysis.bench_metrics import BenchTable, bench_table
 from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.metrics import walk_metrics, warnings
 from vsf_drake.analysis.offsets import OffsetFit
 from vsf_drake.analysis.prediction import TrialLayers
-from vsf_drake.analysis.sweep_table import SweepRow, SweepTable
+from vsf_drake.analysis.sweep_table import Sweep, SweepRow, SweepTable
 from vsf_drake.errors import InputError
 from vsf_drake.files import plain, read_json
+from vsf_drake.motion.formats.recording import SIDES, Plate
+from vsf_drake.motion.formats.tables import write_opensim
 from vsf_drake.motion.trial import Trial
 from vsf_drake.report.figures import bench_figure, standing_figure, sweep_figure, walk_figure
 from vsf_drake.report.page import write_csv
@@ -27,10 +31,12 @@ from vsf_drake.simulation.results import (
     Standing,
     StandingTable,
     WalkResult,
+    coordinate_unit,
     save_bench,
     save_walk,
     standing_table,
 )
+from vsf_drake.tables import tables_module
 
 _NOT_BY_NAME: dict[str, Any] = {"known": lambda table: False, "damaged_too": False}
 """Of tables whose names others may have too: their folders are told by the record beside them."""
@@ -38,8 +44,9 @@ BENCH = ResultsFolder(kind="bench", command="bench", table="bench.json", **_NOT_
 WALK = ResultsFolder(kind="walk", command="simulate", table="metrics.json", stale=("replay.html",), **_NOT_BY_NAME)
 STANDING = ResultsFolder(kind="standing", command="stand", table="standing.json")
 _SWEEP_FIGURES = ("sweep.png", "sweep.svg")
-SWEEP = ResultsFolder(kind="sweep", command="sweep", table="sweep.json", names=("sweep.csv", *_SWEEP_FIGURES),
-                      stale=_SWEEP_FIGURES, unfinished=lambda out: (out / "cache").is_dir())
+SWEEP = ResultsFolder(kind="sweep", command="sweep", table="sweep.json",
+                      names=("sweep.csv", "sweep.parquet", *_SWEEP_FIGURES), stale=_SWEEP_FIGURES,
+                      unfinished=lambda out: (out / "cache").is_dir())
 
 
 def write_bench(result: BenchResult, out: str | Path) -> BenchTable:
@@ -55,10 +62,11 @@ def write_bench(result: BenchResult, out: str | Path) -> BenchTable:
 
 
 def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: OffsetFit | None = None,
-               layers: TrialLayers | None = None, replay: bool = True) -> dict[str, Any]:
+               layers: TrialLayers | None = None, replay: bool = True, opensim: bool = False) -> dict[str, Any]:
     """Writes metrics.json, walk.png, walk.svg, the saved result and replay.html to `out`; returns the metrics.
 
-    `fit` is the one that the offsets come from, `layers` what the fitted contact predicts beyond the walk.
+    `fit` is the one that the offsets come from, `layers` what the fitted contact predicts beyond the walk; `opensim`
+    adds walk_ik.mot and walk_grf.mot.
     """
     plate = trial.prosthetic_plate
     comparison = compare(result, plate)
@@ -72,8 +80,21 @@ def write_walk(result: WalkResult, trial: Trial, out: str | Path, *, fit: Offset
         save_figure(walk_figure(result, plate, metrics), folder / "walk")
         if replay:
             write_replay(result, folder / "replay.html", plate=plate, intact_plate=trial.intact_plate)
+        if opensim:
+            _write_opensim(result, folder)
 
     return WALK.write(out, table, more=more)
+
+
+def _write_opensim(result: WalkResult, folder: Path) -> None:
+    """All coordinates of the walk, and what the ground did to both feet; of the intact one no free moment is known."""
+    names = result.coordinate_names
+    unknown = np.full(len(result.time_s), np.nan)
+    plates = {side: Plate(side, result.grf_W, result.cop_W, result.free_moment_nm) if side == result.side
+              else Plate(side, result.intact_grf_W, result.intact_cop_W, unknown) for side in SIDES}
+    write_opensim(folder, "walk", time_s=result.time_s, coordinates=dict(zip(names, result.q.T, strict=True)),
+                  metres=[name for name in names if coordinate_unit(name) == "m"], force_time_s=result.time_s,
+                  plates=plates, source="model, SYNTHETIC motion" if result.synthetic else "model")
 
 
 def write_standing(standing: Standing, out: str | Path) -> StandingTable:
@@ -83,11 +104,14 @@ def write_standing(standing: Standing, out: str | Path) -> StandingTable:
     return table
 
 
-def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
+def check_sweep_folder(out: Path, trials: Iterable[Trial], *, parquet: bool = False) -> None:
     """Raises InputError unless a sweep of `trials` can go to `out`: a new folder, or that of a sweep of the same ones.
 
-    Trials are the same if they come from the same files, wherever these are named from, or hold the same.
+    Trials are the same if they come from the same files, wherever these are named from, or hold the same. For
+    `parquet` the extra `tables` must be installed.
     """
+    for needed in ("pandas", "pyarrow") if parquet else ():
+        tables_module(needed)
     SWEEP.check(out)
     path, given = out / SWEEP.table, list(trials)
     if not path.exists():
@@ -106,10 +130,14 @@ def check_sweep_folder(out: Path, trials: Iterable[Trial]) -> None:
                          right="Choose another folder for this sweep")
 
 
-def write_sweep(table: SweepTable, rows: Sequence[SweepRow], out: Path) -> None:
-    """Writes sweep.json and sweep.csv and removes the figure of an earlier sweep."""
-    SWEEP.write(out, plain(table), more=lambda folder, table: write_csv(
-        folder / "sweep.csv", rows[0].cells(), (row.cells().values() for row in rows)))
+def write_sweep(table: SweepTable, rows: Sequence[SweepRow], out: Path, *, parquet: bool = False) -> None:
+    """Writes sweep.json, sweep.csv, and sweep.parquet if asked; removes the figure of an earlier sweep."""
+    def more(folder: Path, _: dict[str, Any]) -> None:
+        write_csv(folder / "sweep.csv", rows[0].cells(), (row.cells().values() for row in rows))
+        if parquet:
+            Sweep(table, rows).to_dataframe().to_parquet(folder / "sweep.parquet", index=False)
+
+    SWEEP.write(out, plain(table), more=more)
 
 
 def write_sweep_figure(table: SweepTable, rows: Sequence[SweepRow], out: Path) -> None:

@@ -7,6 +7,7 @@ up, ground at z = 0.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +18,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.files import read_npz, sha256, write_npz, write_text
 from vsf_drake.schema import load_plain, to_plain
 from vsf_drake.simulation.archive import SIDECAR_FILE, result_folder
+from vsf_drake.tables import Headline, LabelledArrays, Quantity, Tabular
 from vsf_drake.yaml_file import dump
 
 __all__ = ["BenchResult", "BenchSetting", "WalkResult", "coordinate_unit", "load_bench", "load_walk", "result_folder",
@@ -33,7 +35,7 @@ def _array(shape: str, unit: str, meaning: str, **more: Any) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WalkResult:
+class WalkResult(Tabular):
     """A finished walk: n instants (the ends of the steps), m coordinates, p prescribed ones, N spheres.
 
     `converged` is false if any step was accepted without convergence (`unconverged_steps` of them): look before
@@ -91,6 +93,24 @@ class WalkResult:
             raise KeyError(f"there is no coordinate {name}; there are {', '.join(self.coordinate_names)}")
         return self.q[:, self.coordinate_names.index(name)]
 
+    def labelled(self) -> LabelledArrays:
+        """Every array over time_s: q_hip_flexion_r, grf_W_z, cop_W_x, ... in a table."""
+        arrays = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)
+                  if "shape" in field.metadata}
+        names = {field.name: getattr(self, field.metadata["columns"]) for field in dataclasses.fields(self)
+                 if isinstance(field.metadata.get("columns"), str)}
+        return walk_arrays(arrays, names, {"trial": self.trial_name, "side": self.side, "synthetic": self.synthetic,
+                                           "converged": self.converged, "subject_mass_kg": self.subject_mass_kg})
+
+    def headline(self) -> Headline:
+        """Fulcrum, duration, largest force."""
+        return Headline(
+            kind="Walk", name=self.trial_name, synthetic=self.synthetic, unconverged_steps=self.unconverged_steps,
+            facts=(("Fulcrum from the keel's posterior end", 1e3 * float(self.fulcrum_m.mean()), "mm"),
+                   ("Simulated", self.simulated_s, "s"),
+                   ("Largest vertical force", float(self.grf_W[:, 2].max()), "N"),
+                   ("Steps cut into smaller ones", self.refined_steps, "")))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BenchSetting:
@@ -113,7 +133,7 @@ class BenchSetting:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BenchResult:
+class BenchResult(Tabular):
     """A finished bench: its passes, in order, and what they were made with."""
 
     settings: tuple[BenchSetting, ...]
@@ -140,10 +160,67 @@ class BenchResult:
         """The passes at the forefoot, by fulcrum position."""
         return tuple(sorted((s for s in self.settings if s.fulcrum_m is not None), key=lambda s: s.fulcrum_m or 0.0))
 
+    def labelled(self) -> LabelledArrays:
+        """The curves of all passes, one below the other; `fulcrum_m` is NaN at the heel."""
+        place = Quantity(
+            name="fulcrum_m", dims=("sample",), unit="m", meaning="fulcrum from the keel's posterior end; NaN: heel",
+            values=np.concatenate([np.full(len(s.time_s), np.nan if s.fulcrum_m is None else s.fulcrum_m)
+                                   for s in self.settings]))
+        curves = [Quantity(name=field.name, dims=("sample",), unit=field.metadata["unit"],
+                           meaning=field.metadata["meaning"],
+                           values=np.concatenate([getattr(s, field.name) for s in self.settings]))
+                  for field in dataclasses.fields(BenchSetting) if "shape" in field.metadata]
+        return LabelledArrays(labels={"sample": range(len(place.values))}, quantities=[place, *curves],
+                              about={"converged": self.converged})
+
+    def headline(self) -> Headline:
+        """What each pass came to."""
+        return Headline(
+            kind="Bench", name="", synthetic=False, unconverged_steps=sum(s.unconverged_steps for s in self.settings),
+            facts=tuple(("Largest displacement, " + ("heel" if s.fulcrum_m is None else f"{1e3 * s.fulcrum_m:g} mm"),
+                         1e3 * float(s.platen_m.max()), "mm") for s in self.settings))
+
 
 def coordinate_unit(name: str) -> str:
     """Unit of a coordinate: m for translations (`…_tx`, `…_ty`, `…_tz`, `fulcrum`), rad for the rest."""
     return "m" if name == "fulcrum" or name.endswith(("_tx", "_ty", "_tz")) else "rad"
+
+
+_DIMENSIONS = {"n": "time_s", "m": "coordinate", "p": "prescribed", "E": "energy", "N": "sphere", "3": "axis",
+               "2": "axis_xy", "6": "socket"}
+"""Names of the dimensions that the shapes of `WalkResult` have, elsewhere."""
+
+
+def walk_arrays(arrays: Mapping[str, np.ndarray], columns: Mapping[str, Sequence[str]],
+                about: Mapping[str, str | float | bool]) -> LabelledArrays:
+    """Arrays of a walk as other tools take them: `arrays` of `WalkResult` by name, `time_s` among them; `columns` by
+    array where the class names no fixed ones."""
+    fields = {field.name: field.metadata for field in dataclasses.fields(WalkResult) if field.name in arrays}
+    labels: dict[str, Quantity | Sequence[str | int]] = {}
+    quantities = []
+    for name, known in fields.items():
+        dims = tuple(_DIMENSIONS[size] for size in known["shape"].split(", "))
+        last = columns[name] if isinstance(known.get("columns"), str) else known.get("columns", ())
+        units = tuple(_column_units(known["unit"], last))
+        quantity = Quantity(name=name, values=arrays[name], dims=dims, meaning=known["meaning"],
+                            unit=units[0] if len(set(units)) == 1 else units, frame=known.get("frame", ""))
+        labels |= {dim: range(size) for dim, size in zip(dims[1:], np.shape(arrays[name])[1:], strict=True)}
+        if last:
+            labels[dims[-1]] = tuple(last)
+        if name == "time_s":
+            labels = {name: quantity, **labels}
+        else:
+            quantities.append(quantity)
+    return LabelledArrays(labels=labels, quantities=quantities, about=about)
+
+
+def _column_units(unit: str, names: Sequence[str]) -> list[str]:
+    """The unit of each column of a field whose metadata has `unit`."""
+    if unit.startswith("by column"):
+        return [coordinate_unit(name) + unit.removeprefix("by column").replace(", per s", "/s") for name in names]
+    if unit.startswith("N m (rotations)"):
+        return ["N" if coordinate_unit(name) == "m" else "N m" for name in names]
+    return unit.split(", ")
 
 
 def save_walk(result: WalkResult, folder: str | Path) -> None:

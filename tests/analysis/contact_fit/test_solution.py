@@ -52,6 +52,19 @@ def contact_file(everything, tmp_path_factory):
     return path
 
 
+def test_a_table_of_the_fit_has_every_parameter_with_its_unit_and_interval_and_none_of_a_failed_one(everything):
+    frame = everything.to_dataframe().set_index("name")
+    assert dict(frame.value) == everything.values
+    for item in everything.fit.parameters.items:
+        assert frame.unit[item.name] == item.unit
+        assert frame.low_95[item.name] <= frame.value[item.name] <= frame.high_95[item.name]
+    assert frame.attrs["synthetic"] and "SYNTHETIC" in everything._repr_html_()
+    failed = replace(everything, success=False, message="no search converged")
+    with pytest.raises(FitError, match="no search converged"):
+        failed.to_dataframe()
+    assert "No result:" in failed._repr_html_() and "to_dataframe" not in failed._repr_html_()
+
+
 @pytest.mark.parametrize("label", LABELS)
 def test_applied_to_its_recording_the_contact_file_gives_the_fits_own_walk(everything, contact_file, label):
     """To what samples 10 ms apart leave of curves that the fit knows at every instant."""

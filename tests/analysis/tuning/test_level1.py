@@ -1,5 +1,6 @@
 """Tunings with the motion given: derivatives, known answers, what is refused, what is left when one is broken off."""
 
+import copy
 import dataclasses
 import json
 from types import SimpleNamespace
@@ -34,6 +35,20 @@ SETTING, STEPS = (97.3, 1.1, 0.01, 6.2), (1e-2, 1e-3, 1e-5, 1e-3)
 @pytest.fixture(scope="module")
 def solution(made_tuning):
     return solve(made_tuning("medium_1", "high_1", tasks=["medium", "high"], draws=1, sweep_mm=5.0))
+
+
+def test_a_table_of_the_tuning_has_its_sweep_with_the_cost_as_the_mean_of_the_trials_terms(solution):
+    frame, dataset = solution.to_dataframe(), solution.to_xarray()
+    assert np.array_equal(frame.index, solution.sweep.fulcrum_mm) and frame.index.name == "fulcrum_mm"
+    terms = sum(dataset[name] for name in dataset if name.startswith("term_"))
+    assert np.allclose(terms.mean("trial"), frame.cost, rtol=1e-12)
+    assert frame.attrs["units"]["stored_energy_medium_1"] == "J" and frame.attrs["optimum_mm"] == solution.fulcrum_mm
+    assert "SYNTHETIC" in solution._repr_html_() and "No result:" not in solution._repr_html_()
+    failed = copy.copy(solution)
+    failed.success = False
+    with pytest.raises(FitError):
+        failed.to_dataframe()
+    assert "No result:" in failed._repr_html_()
 
 
 # The problem: its cost, its derivatives, and what it refuses.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,12 +16,21 @@ from vsf_drake.analysis.contact_fit.paper import PaperEnd, search_like_the_paper
 from vsf_drake.analysis.contact_fit.parameters import OFFSET_HEIGHT, FitParameters, TrialMap, owner
 from vsf_drake.analysis.contact_fit.problem import PRIOR, ContactFit, FitEvaluation
 from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty, run_searches, search, uncertainty_at
-from vsf_drake.contact_file import DEVICE, FORMAT, FittedContact, FittedSubject, FittedTrial, JointCurve
+from vsf_drake.contact_file import (
+    DEVICE,
+    FORMAT,
+    FittedContact,
+    FittedSubject,
+    FittedTrial,
+    JointCurve,
+    variable_unit,
+)
 from vsf_drake.errors import FitError, SimulationError
 from vsf_drake.motion.fitted_trial import fingerprint
 from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.archive import provenance
 from vsf_drake.simulation.results import WalkResult
+from vsf_drake.tables import Headline, LabelledArrays, Tabular, record_arrays
 
 FAR, SEVERAL, WIDER = 3.0, 2, 2.0
 """Where so many parameters end further than FAR standard deviations from the centre of their prior, these priors are
@@ -49,6 +59,32 @@ class Contradiction:
     cost_widened: float | None  # None where that fit did not converge: it is not the one that is told
 
 
+@dataclass(frozen=True, kw_only=True)
+class ParameterRow:
+    """One parameter; of the paper's only value and start are known.
+
+    `value_in_prior_sd` and `interval_in_prior_sd` are the value and its interval in the search's coordinate.
+    `spread_over_starts`, the largest difference among searches that fit alike, is None unless there are several.
+    """
+
+    name: str
+    unit: str
+    value: float
+    start: float | None
+    frozen: bool = False
+    at_bound: bool = False
+    interval_95: tuple[float, float] | None = None
+    share_of_prior: float | None = None
+    spread_over_starts: float | None = None
+    value_in_prior_sd: float | None = None
+    interval_in_prior_sd: tuple[float, float] | None = None
+    low: float | None = None
+    high: float | None = None
+    prior_mean: float | None = None
+    prior_scale: float | None = None
+    logarithmic: bool = False  # `prior_scale` is that of the value's logarithm
+
+
 @dataclass(frozen=True, eq=False)
 class JointEnd:
     """Where the searches of a joint fit ended: u (P,), the best point found, and what holds there."""
@@ -70,7 +106,7 @@ class JointEnd:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactFitSolution:
+class ContactFitSolution(Tabular):
     """The end of a fit. Whatever reads or applies what one that failed has found raises FitError."""
 
     fit: ContactFit
@@ -122,6 +158,61 @@ class ContactFitSolution:
         if isinstance(self.end, PaperEnd):
             return self.fit.walk(trial, self.end.values, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
         return self.fit.terms_of(trial, label).walk(self.end.u, step_s=step_s, fulcrum_m=fulcrum_m)[:2]
+
+    def parameter_rows(self) -> tuple[ParameterRow, ...]:
+        """Every parameter with its value and what is known of it. FitError if the fit failed."""
+        end, values = self.end, self.values
+        if isinstance(end, PaperEnd):
+            return tuple(ParameterRow(name=name, unit=variable_unit(name), value=value,
+                                      start=end.initial_values.get(name)) for name, value in values.items())
+        told, rows = end.uncertainty, []
+        alike = [self.fit.parameters.values(s.u) for s in end.alike()]
+        for item in self.fit.parameters.items:
+            row = ParameterRow(
+                name=item.name, unit=item.unit, value=values[item.name], start=item.start, frozen=item.frozen,
+                low=item.low, high=item.high, prior_mean=item.mean, prior_scale=item.scale,
+                logarithmic=item.logarithmic)
+            if not item.frozen:
+                i, ends = told.names.index(item.name), [one[item.name] for one in alike]
+                low, high = map(float, told.interval[i])
+                share = float(told.share_of_prior[i])
+                row = replace(
+                    row, interval_95=(low, high), share_of_prior=share if math.isfinite(share) else None,
+                    at_bound=item.name in told.at_bound,
+                    spread_over_starts=float(np.ptp(ends)) if len(ends) > 1 else None,
+                    value_in_prior_sd=item.to_u(row.value), interval_in_prior_sd=(item.to_u(low), item.to_u(high)))
+            rows.append(row)
+        return tuple(rows)
+
+    def labelled(self) -> LabelledArrays:
+        """One row a parameter: value, start and 95 % interval, each in the `unit` of its row."""
+        text = {"name": "parameter", "unit": "of the numbers of the row"}
+        numbers = {"value": "fitted value", "start": "where the search began", "low_95": "95 % interval, lower end",
+                   "high_95": "95 % interval, upper end", "share_of_prior": "standard error over that of the prior"}
+        flags = {"frozen": "whether it was not fitted", "at_bound": "whether it ended on a bound"}
+        rows = [{**vars(row), **dict(zip(("low_95", "high_95"), row.interval_95 or (None, None), strict=True))}
+                for row in self.parameter_rows()]
+        return record_arrays(rows, {
+            **{name: {"meaning": meaning} for name, meaning in text.items()},
+            **{name: {"unit": "1" if name == "share_of_prior" else "by row", "meaning": meaning}
+               for name, meaning in numbers.items()},
+            **{name: {"meaning": meaning} for name, meaning in flags.items()}},
+            {"strategy": self.fit.options.strategy, "synthetic": self._synthetic})
+
+    def headline(self) -> Headline:
+        """How many parameters were found, and which lie on a bound."""
+        rows = self.parameter_rows() if self.success else ()
+        return Headline(
+            kind="Contact fit", name=", ".join(self.fit.labels), synthetic=self._synthetic,
+            failure="" if self.success else self.message,
+            facts=(("Fitted parameters", sum(not row.frozen for row in rows), ""),
+                   *((f"On a bound: {row.name}", row.value, row.unit) for row in rows if row.at_bound),
+                   ("Time", self.wall_s, "s")))
+
+    @property
+    def _synthetic(self) -> bool:
+        bench = self.fit.bench
+        return any(trial.synthetic for trial in self.fit.trials) or (bench is not None and bench.synthetic)
 
     def refitted_without(self, labels: Sequence[str]) -> ContactFitSolution:
         """The same joint fit without these trials, searched once from this solution on. Raises FitError, too, where the

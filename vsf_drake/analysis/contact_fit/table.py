@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -26,10 +25,15 @@ from vsf_drake.analysis.contact_fit.assessment import (
 )
 from vsf_drake.analysis.contact_fit.paper import PaperEnd, PaperState
 from vsf_drake.analysis.contact_fit.problem import ContactFit, labels_with
-from vsf_drake.analysis.contact_fit.solution import ContactFitSolution, Contradiction, JointEnd, NoiseRatio
+from vsf_drake.analysis.contact_fit.solution import (
+    ContactFitSolution,
+    Contradiction,
+    JointEnd,
+    NoiseRatio,
+    ParameterRow,
+)
 from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty
 from vsf_drake.analysis.prediction import LayerTable
-from vsf_drake.contact_file import variable_unit
 from vsf_drake.files import plain
 from vsf_drake.motion.trajectory import periodic_bsplines
 from vsf_drake.motion.trial import Trial
@@ -49,32 +53,6 @@ class FitTrialRow:
     fulcrum_mm: float
     notes: tuple[str, ...]
     score: TrialScore | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class ParameterRow:
-    """One parameter; of the paper's only value and start are known.
-
-    `value_in_prior_sd` and `interval_in_prior_sd` are the value and its interval in the search's coordinate.
-    `spread_over_starts`, the largest difference among searches that fit alike, is None unless there are several.
-    """
-
-    name: str
-    unit: str
-    value: float
-    start: float | None
-    frozen: bool = False
-    at_bound: bool = False
-    interval_95: tuple[float, float] | None = None
-    share_of_prior: float | None = None
-    spread_over_starts: float | None = None
-    value_in_prior_sd: float | None = None
-    interval_in_prior_sd: tuple[float, float] | None = None
-    low: float | None = None
-    high: float | None = None
-    prior_mean: float | None = None
-    prior_scale: float | None = None
-    logarithmic: bool = False  # `prior_scale` is that of the value's logarithm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +137,7 @@ def fit_table(
         synthetic=any(trial.synthetic for trial in every) or (bench is not None and bench.synthetic),
         subject=fit.walker.subject,
         bench=judged.bench if judged is not None else None if bench is None else bench_row(bench),
-        parameters=() if told is None else _parameters(told),
+        parameters=() if told is None else told.parameter_rows(),
         options={**to_plain(dict(options or {})), **to_plain(fit.options)},
         wall_s=None if solution is None else solution.wall_s, versions=provenance()["versions"],
         inputs_sha256={**hashes, **(inputs or {})})
@@ -170,30 +148,6 @@ def fit_table(
     table = replace(table, searches=end.searches, best_search=end.best)
     return table if told is None else replace(table, uncertainty=end.uncertainty, curves=curve_rows(told.values),
                                               noise_ratios=end.noise_ratios())
-
-
-def _parameters(solution: ContactFitSolution) -> tuple[ParameterRow, ...]:
-    end, values = solution.end, solution.values
-    if isinstance(end, PaperEnd):
-        return tuple(ParameterRow(name=name, unit=variable_unit(name), value=value, start=end.initial_values.get(name))
-                     for name, value in values.items())
-    told, rows = end.uncertainty, []
-    alike = [solution.fit.parameters.values(s.u) for s in end.alike()]
-    for item in solution.fit.parameters.items:
-        row = ParameterRow(
-            name=item.name, unit=item.unit, value=values[item.name], start=item.start, frozen=item.frozen,
-            low=item.low, high=item.high, prior_mean=item.mean, prior_scale=item.scale,
-            logarithmic=item.logarithmic)
-        if not item.frozen:
-            i, ends = told.names.index(item.name), [one[item.name] for one in alike]
-            low, high = map(float, told.interval[i])
-            share = float(told.share_of_prior[i])
-            row = replace(
-                row, interval_95=(low, high), share_of_prior=share if math.isfinite(share) else None,
-                at_bound=item.name in told.at_bound, spread_over_starts=float(np.ptp(ends)) if len(ends) > 1 else None,
-                value_in_prior_sd=item.to_u(row.value), interval_in_prior_sd=(item.to_u(low), item.to_u(high)))
-        rows.append(row)
-    return tuple(rows)
 
 
 def curve_rows(values: Mapping[str, float]) -> tuple[SmoothErrorRow, ...]:

@@ -16,7 +16,7 @@ import difflib
 import itertools
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -164,17 +164,41 @@ def write_forces_mot(path: str | Path, *, time_s: np.ndarray, plates: Mapping[st
                      title: str | None = None) -> None:
     """Writes plates (by key, in W) as OpenSim's external loads, in N, m and N m: ground_force_<key>_vx, ...
 
-    An unloaded plate's centre of pressure is 0; a plate that has none under load gets no such columns.
+    An unloaded plate's centre of pressure is 0; a plate that has none under load gets no such columns, and one whose
+    free moment is NaN no torques.
     """
     blocks: dict[str, np.ndarray] = {}
     for key, plate in plates.items():
         blocks[f"ground_force_{key}_v"] = plate.force_n
         if not np.isnan(plate.cop_m).all() or not (plate.force_n[:, 2] > THRESHOLD_N).any():
             blocks[f"ground_force_{key}_p"] = plate.cop_m
-        blocks[f"ground_torque_{key}_"] = plate.free_moment_nm[:, None] * [0.0, 0.0, 1.0]
+        if not np.isnan(plate.free_moment_nm).all():
+            blocks[f"ground_torque_{key}_"] = plate.free_moment_nm[:, None] * [0.0, 0.0, 1.0]
     values = np.concatenate([np.nan_to_num(world_to_os(vectors)) + 0.0 for vectors in blocks.values()], axis=1)
     write_storage(path, time_s=time_s, names=[stem + axis for stem in blocks for axis in "xyz"], values=values,
                   title=title)
+
+
+def opensim_files(stem: str) -> tuple[str, str]:
+    """The names of the files that a manifest takes as `kinematics` and `forces`."""
+    return f"{stem}_ik.mot", f"{stem}_grf.mot"
+
+
+def write_opensim(
+    folder: Path, stem: str, *, time_s: np.ndarray, coordinates: Mapping[str, np.ndarray], metres: Collection[str],
+    force_time_s: np.ndarray, plates: Mapping[str, Plate], source: str
+) -> tuple[str, str]:
+    """Writes the two `opensim_files` of a walk, in OpenSim's frame; their names.
+
+    `coordinates` by name, in m for those named in `metres`, else in rad, which stand in degrees in the file; `plates`
+    by side; `source` ends each title."""
+    kinematics, forces = opensim_files(stem)
+    shown = [column if name in metres else np.degrees(column) for name, column in coordinates.items()]
+    write_storage(folder / kinematics, time_s=time_s, names=list(coordinates), values=np.column_stack(shown),
+                  in_degrees=True, title=f"{stem} joint angles, {source}")
+    write_forces_mot(folder / forces, time_s=force_time_s, plates={side[0]: plate for side, plate in plates.items()},
+                     title=f"{stem} ground reaction forces, {source}")
+    return kinematics, forces
 
 
 def read_csv(path: Path) -> Storage:

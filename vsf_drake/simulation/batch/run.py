@@ -34,9 +34,12 @@ from vsf_drake.simulation.batch.cases import (
     software,
 )
 from vsf_drake.simulation.batch.processes import Report, SweepProgress, WorkerStartError, checked, chosen, reporting
+from vsf_drake.simulation.results import walk_arrays
 from vsf_drake.simulation.walk import Walker
+from vsf_drake.tables import Headline, LabelledArrays, Tabular
 
-TRIAL = ("name", "subject", "model", "trajectory", "start_s", "end_s", "fulcrum_m", "offsets")
+TRIAL = ("name", "subject", "model", "trajectory", "start_s", "end_s", "fulcrum_m", "offsets",
+         "synthetic")
 """What a sweep reads of a trial."""
 
 
@@ -87,7 +90,7 @@ def simulate_batch(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WalkOutcome:
+class WalkOutcome(Tabular):
     """One finished member: its arrays, or why there are none. Numbers of a failed one are None."""
 
     case: WalkCase
@@ -113,6 +116,21 @@ class WalkOutcome:
         if self.failure is not None:
             raise VsfError(f"a failed walk has no arrays: {self.failure}")
         return MappingProxyType(self._arrays)
+
+    def labelled(self) -> LabelledArrays:
+        """The kept arrays over time_s, as those of a `WalkResult`. VsfError if this member failed."""
+        if "time_s" not in self.arrays:
+            raise InputError("is not among the arrays that were kept", where="time_s",
+                             right="Name it in `keep` of simulate_batch")
+        trial = self.case.trial
+        return walk_arrays(self.arrays, self.columns, {"trial": trial.name, "synthetic": trial.synthetic,
+                                                       "side": trial.subject.prosthetic_side, **self.case.values})
+
+    def headline(self) -> Headline:
+        """What was varied, and how it went."""
+        return Headline(kind="Walk", name=self.case.trial.name, synthetic=self.case.trial.synthetic,
+                        failure=self.failure or "", unconverged_steps=self.unconverged_steps or 0,
+                        facts=[(name, value, "") for name, value in self.case.values.items()])
 
 
 class _BatchRun:

@@ -15,6 +15,7 @@ from vsf_drake.analysis.tuning.level1.uncertainty import Worth, difference
 from vsf_drake.errors import FitError
 from vsf_drake.schema import to_plain
 from vsf_drake.simulation.archive import provenance
+from vsf_drake.tables import Headline, LabelledArrays, Quantity, Tabular
 
 AT_BOUND = 1e-3  # share of a bound's width within which a variable counts as on the bound
 
@@ -35,7 +36,7 @@ class TuningSearch:
 
 
 @dataclass(kw_only=True, eq=False)
-class TuningSolution:
+class TuningSolution(Tabular):
     """The end of a tuning; what had not been reached when it was interrupted is empty or None."""
 
     tuning: StiffnessTuning
@@ -79,6 +80,34 @@ class TuningSolution:
         u = self.tuning.to_u(self.best.x)
         return tuple(variable.name for variable, at in zip(self.tuning.design, u, strict=True)
                      if at < AT_BOUND or at > 1.0 - AT_BOUND)
+
+    def labelled(self) -> LabelledArrays:
+        """The sweep of the fulcrum through the optimum: the cost, its terms and the outcomes of each trial."""
+        swept, combination = self.sweep, self.tuning.combination
+        if not self.values or swept is None:  # `values` raises for a tuning that failed
+            raise FitError("the tuning was ended before its sweep")
+        dims = ("fulcrum_mm", "trial")
+        quantities = [
+            Quantity(name="cost", values=swept.cost, dims=dims[:1], unit=combination.unit, meaning=combination.label),
+            *(Quantity(name=f"term_{name}", values=each.T, dims=dims, unit=combination.unit, meaning=LABELS[name])
+              for name, each in swept.terms.items()),
+            *(Quantity(name=name, values=each.T, dims=dims, unit=KINDS[name][1], meaning=KINDS[name][0])
+              for name, each in swept.outcomes.items())]
+        fulcrum = Quantity(name="fulcrum_mm", values=swept.fulcrum_mm, dims=dims[:1], unit="mm",
+                           meaning="fulcrum from the keel's posterior end")
+        return LabelledArrays(labels={"fulcrum_mm": fulcrum, "trial": self.tuning.labels}, quantities=quantities,
+                              about={"cost_name": self.tuning.cost_name, "optimum_mm": self.fulcrum_mm,
+                                     "synthetic": any(trial.synthetic for trial in self.tuning.trials)})
+
+    def headline(self) -> Headline:
+        """The optimum, its cost, and how well its position is known."""
+        tuning, known = self.tuning, self.worth.interval_mm if self.worth else None
+        facts = [(variable.name, float(x), variable.unit) for variable, x in zip(tuning.design, self.best.x,
+                                                                                strict=True)]
+        facts += [(tuning.combination.label, self.best.cost, tuning.combination.unit)]
+        facts += [("Fulcrum known from", known[0], "mm"), ("Fulcrum known to", known[1], "mm")] if known else []
+        return Headline(kind="Tuning", name=", ".join(tuning.labels), failure="" if self.success else self.message,
+                        synthetic=any(trial.synthetic for trial in tuning.trials), facts=facts if self.success else ())
 
 
 def tuning_table(solution: TuningSolution) -> t.TuningTable:
