@@ -179,7 +179,8 @@ def test_run_is_the_same_bit_for_bit_whatever_it_is_differentiated_by(walker, mo
     for walk in (some, one):
         for key in ("q", "v", "load", "sites", "fulcrum", "iterations"):
             np.testing.assert_array_equal(getattr(walk.record, key), getattr(plain.record, key), err_msg=key)
-    np.testing.assert_allclose(some.sensitivity.grf_W[:, :, 1:2], one.sensitivity.grf_W, rtol=1e-12)
+    alone = one.sensitivity.grf_W  # three columns are summed in another order than one on some processors
+    np.testing.assert_allclose(some.sensitivity.grf_W[:, :, 1:2], alone, rtol=1e-12, atol=1e-14 * np.abs(alone).max())
 
 
 def supported(walker: Walker, motion, fulcrum_m, width_m, **options):
