@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from vsf_drake.analysis import validation
 from vsf_drake.analysis.validation.run import LONG, SHIPPED, SectionStore, run_sections, shipped_key
@@ -11,15 +12,19 @@ from vsf_drake.files import resource
 
 def main() -> None:
     """Computes what does not fit the present inputs and sources; some minutes for all."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, help=f"folder to write to; {SHIPPED} unless given")
+    parser.add_argument("--quick", action="store_true", help="name the sections that fit, compute none")
+    arguments = parser.parse_args()
     study = validation.make_study(
         validation.embedded_trials(), contact=validation.embedded_contact(), bench=validation.embedded_bench(),
-        options=validation.StudyOptions(full=True))
-    store = SectionStore(resource(SHIPPED), shipped_key(study))
-    for name, finished in run_sections(study, shipped=store, names=LONG).items():
+        options=validation.StudyOptions(full=not arguments.quick))
+    key = shipped_key(study)
+    shipped, written = SectionStore(resource(SHIPPED), key), SectionStore(arguments.out or resource(SHIPPED), key)
+    for name, finished in run_sections(study, shipped=shipped, names=LONG).items():
         print(name, finished.failure or finished.computed or f"{finished.wall_s:.0f} s")
         if not finished.computed:
-            store.write(name, finished)
+            written.write(name, finished)
 
 
 if __name__ == "__main__":

@@ -37,7 +37,8 @@ from vsf_drake.report.style import (
 if TYPE_CHECKING:  # these import Drake, which takes longer than to draw
     from vsf_drake.analysis.contact_fit.assessment import BenchRow, Beside, TrialScore
     from vsf_drake.analysis.contact_fit.paper import PaperState
-    from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, ParameterRow
+    from vsf_drake.analysis.contact_fit.solution import ParameterRow
+    from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow
 
 LONGEST = 60
 """Letters of a trial's label in a file name."""

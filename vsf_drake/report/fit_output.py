@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from vsf_drake.analysis.contact_fit.assessment import FITTED, HELD_OUT, NOISE_TOO_SMALL, Beside, TrialScore
 from vsf_drake.analysis.contact_fit.parameters import REFERENCE_DEPTH_M
-from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, ParameterRow, fit_arrays, fit_json
+from vsf_drake.analysis.contact_fit.solution import ParameterRow
+from vsf_drake.analysis.contact_fit.table import FitTable, FitTrialRow, fit_arrays, fit_json
 from vsf_drake.analysis.prediction import LAYERS, PHYSICS, LayerTable
 from vsf_drake.contact_file import FittedContact, save_contact
 from vsf_drake.errors import InputError
