@@ -71,7 +71,7 @@ def make(out: Path, wanted: list[Draw], draws: list[Draw], steps: int) -> None:
             write_trial(out, trial, tier)
         write_walk(out / "markers", person, draw.name, in_radians(trial.coordinates))
         drawn[draw.name] = describe(trial.draw)
-        figures[draw.name], curves[draw.name] = trial_figures(trial, weight), stance_curve(trial, weight)
+        figures[draw.name], curves[draw.name] = trial_figures(trial, person), stance_curve(trial, weight)
         stance, took = figures[draw.name]["stance_s"], time.perf_counter() - began
         print(f"{draw.name}: stance {stance:.3f} s, made in {took:.0f} s")
     null = {one: {other: null_error(curves[one], curves[other]) for other in curves} for one in curves}

@@ -144,7 +144,8 @@ def write(out: Path, task: Task) -> dict[str, Any]:
     weight = person.subject.mass_kg * GRAVITY
     floors = {"floor_bw": session_floor(prosthesis, of_day, trial, tier),
               "own_floor_bw": session_floor(prosthesis, of_day.of_trials_alone(), trial, own)}
-    return {"figures": trial_figures(trial, weight) | {name: found["grf_rmse_bw"] for name, found in floors.items()},
+    figures = trial_figures(trial, moving(task.person)) | {name: found["grf_rmse_bw"] for name, found in floors.items()}
+    return {"figures": figures,
             "draws": describe(trial.draw), "condition": draw.condition, "curve": stance_curve(trial, weight).tolist()}
 
 

@@ -65,19 +65,8 @@ def ask_balance(targets: Targets, body: Linearised, points: MassPoints, step_s: 
     Returns:
         (N, 6) force and moment that are missing now; zero at both ends.
     """
-    places = points.places(body.R_WB, body.p_WB)
-    origin = points.mass @ places / points.mass.sum()
+    missing, origin, places, moving = _missing(body, points, step_s, outer, plate, added)
     lever = places - origin[:, None]
-    moving = np.zeros_like(places)
-    moving[1:-1] = (places[2:] - 2.0 * places[1:-1] + places[:-2]) / step_s**2
-    moving += UP
-    carried = plate.wrench(added)
-    force = outer.force + carried.force
-    moment = outer.moment + carried.moment - np.cross(origin, force)
-    needed = np.concatenate([points.mass @ moving, points.mass @ np.cross(lever, moving)], axis=1)
-    missing = needed - np.concatenate([force, moment], axis=1)
-    missing[[0, -1]] = 0.0
-
     turn, shift = body.J_WB[:, points.segment, :3], body.J_WB[:, points.segment, 3:]
     arms = places - body.p_WB[:, points.segment]
     J = shift + cross(turn, arms[..., None])
@@ -90,6 +79,38 @@ def ask_balance(targets: Targets, body: Linearised, points: MassPoints, step_s: 
     rows[:, 1, :, MOVING:] -= plate.sensitivity(origin)
     targets.stencil(rows, -missing, np.repeat(sigma, 3))
     return missing
+
+
+def steadying(body: Linearised, points: MassPoints, step_s: float, outer: Wrench, plate: IntactPlate,
+              added: np.ndarray, stride: np.ndarray) -> np.ndarray:
+    """(6,) constants which, added to the functions `PLATE`, leave the body the momenta it moves with over `stride`.
+
+    Momentum and angular momentum change by the sum of what is missing, of these the plate takes over all.
+
+    Args:
+        stride: (N,) bool, instants of one stride; the others as in `ask_balance`.
+    """
+    missing, origin, _, _ = _missing(body, points, step_s, outer, plate, added)
+    return np.linalg.solve(plate.sensitivity(origin)[stride].sum(axis=0), missing[stride].sum(axis=0))
+
+
+def _missing(body: Linearised, points: MassPoints, step_s: float, outer: Wrench, plate: IntactPlate, added: np.ndarray
+             ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What `ask_balance` returns; then the centre of mass (N, 3), the points (N, P, 3) and their accelerations less
+    gravity's."""
+    places = points.places(body.R_WB, body.p_WB)
+    origin = points.mass @ places / points.mass.sum()
+    lever = places - origin[:, None]
+    moving = np.zeros_like(places)
+    moving[1:-1] = (places[2:] - 2.0 * places[1:-1] + places[:-2]) / step_s**2
+    moving += UP
+    carried = plate.wrench(added)
+    force = outer.force + carried.force
+    moment = outer.moment + carried.moment - np.cross(origin, force)
+    needed = np.concatenate([points.mass @ moving, points.mass @ np.cross(lever, moving)], axis=1)
+    missing = needed - np.concatenate([force, moment], axis=1)
+    missing[[0, -1]] = 0.0
+    return missing, origin, places, moving
 
 
 def triangle_mean(values: np.ndarray, every: int) -> np.ndarray:

@@ -23,21 +23,21 @@ from vsf_drake.parameters import GRAVITY
 
 RATE_HZ = 200
 """Of the kinematics."""
-MARGIN_S, AFTER_S = 0.34, 0.12
+MARGIN_S, AFTER_S = 0.34, 0.16
 """Recorded before the prosthetic foot's strike, and after the end of the intact foot's next stance."""
 PLACING = 5
 """Steps of the fit."""
-STANDARD = {"pelvis_tx": 0.02, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_tilt": 0.02, "pelvis_list": 0.035,
-            "pelvis_rotation": 0.05, "hip_flexion": 0.09, "hip_adduction": 0.035, "hip_rotation": 0.06,
-            "knee_angle_r": 0.05, "knee_angle_l": 0.06, "knee_adduction": 0.02, "knee_rotation": 0.05,
+STANDARD = {"pelvis_tx": 0.006, "pelvis_ty": 0.03, "pelvis_tz": 0.015, "pelvis_tilt": 0.02, "pelvis_list": 0.02,
+            "pelvis_rotation": 0.015, "hip_flexion": 0.09, "hip_adduction": 0.035, "hip_rotation": 0.06,
+            "knee_angle_r": 0.038, "knee_angle_l": 0.036, "knee_adduction": 0.02, "knee_rotation": 0.05,
             "ankle_angle": 0.1, "ankle_adduction": 0.04, "ankle_rotation": 0.04}
 """How far (m, rad) a coordinate may well be from its published curve; the pelvis, from its mean path."""
-TRUNK_STANDARD, PLATE_STANDARD = (0.001,) * 3 + (0.02, 0.02, 0.03), (0.03, 0.02, 0.03, 0.008, 0.006, 0.003)
+TRUNK_STANDARD, PLATE_STANDARD = (0.001,) * 3 + (0.02, 0.03, 0.06), (0.008, 0.02, 0.005, 0.004, 0.006, 0.001)
 """The same of the trunk (`motion.TRUNK`) and of the intact foot's plate (`balance.PLATE`)."""
-REPEATED = 0.1
-"""How far a correction may well be from itself a stride later, as a multiple of its standard: 0.1 to 0.6 degrees of an
-angle, 1.5 to 3 mm of the pelvis (a choice, below what people's strides differ by)."""
-ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3 = 2.0e3, 1.0e4, 5.0e3
+REPEATED = 0.05
+"""How far a correction may well be from itself a stride later, as a multiple of its standard: 0.06 to 0.3 degrees of
+an angle, 0.3 to 1.5 mm of the pelvis (a choice, below what people's strides differ by)."""
+ROUGHNESS_PER_S3, TRUNK_ROUGHNESS_PER_S3, PLATE_ROUGHNESS_PER_S3 = 6.0e3, 1.0e4, 5.0e3
 """Third derivative of a correction that goes with its standard, as a multiple of it."""
 SUPPORT_M, INTACT_SUPPORT_M, ROLL_RAD, CLEARANCE_M = 5e-4, 2e-3, 0.01, 2e-3
 """Tolerated: place of a loaded support of either foot, roll and turn of a loaded foot, height of the sole in swing."""
@@ -46,8 +46,9 @@ INTACT_N = 30.0
 BALANCE, UNBALANCED = (5.0, 1.0), (1e6, 1e6)
 """Tolerated force (N) and moment (N m) on the whole body that no plate explains; the recording has none. Without asking
 for a balance."""
-LIFT_M, HELD_M, AWAY_S = 0.024, 0.012, 0.10
-"""Wished height of the sole in swing and how far above it counts as near, so long after lift-off and before strike."""
+LIFT_M, HELD_M, AWAY_S, NEAR_S = 0.024, 0.012, 0.10, 0.035
+"""Wished height of the sole in swing and how far above it counts as near; so long after lift-off, so long before
+strike."""
 
 
 @dataclass
@@ -70,6 +71,11 @@ class Attempt:
         """(N, 33) all functions."""
         moved: np.ndarray = self.base + self.splines.values @ self.c.T
         return moved
+
+    @property
+    def stride(self) -> np.ndarray:
+        """(N,) whether an instant is of the stride that begins with the prosthetic foot's strike."""
+        return (self.time_s >= 0.0) & (self.time_s < self.draw.stride_s)
 
     @property
     def q(self) -> np.ndarray:
@@ -204,7 +210,9 @@ def common_targets(person: Person, attempt: Attempt, stage: Stage, body: Lineari
     _clear(targets, body, DEVICE, device, time, lifts=(draw.stance_s - stride, draw.stance_s), strikes=(0.0, stride))
     length, ankle = person.handles.body.foot_length, person.handles.body.ankle_height
     intact_foot = [np.array([(r - person.model.intact_foot.ankle_x_ratio) * length, 0.0, -ankle]) for r in (0.1, 0.8)]
-    _clear(targets, body, INTACT_FOOT, intact_foot, time, lifts=(draw.intact_lift_s,), strikes=(draw.intact_strike_s,))
+    _clear(targets, body, INTACT_FOOT, intact_foot, time,
+           lifts=(draw.intact_lift_s, draw.intact_lift_s + stride),
+           strikes=(draw.intact_strike_s, draw.intact_strike_s + stride))
     return targets
 
 
@@ -238,7 +246,7 @@ def _clear(targets: Targets, body: Linearised, segment: int, sole: list[np.ndarr
     """
     swing = np.zeros(len(time_s), dtype=bool)
     for lift, strike in zip(lifts, strikes, strict=True):
-        swing |= (time_s > lift + AWAY_S) & (time_s < strike - AWAY_S)
+        swing |= (time_s > lift + AWAY_S) & (time_s < strike - NEAR_S)
     for p_B in sole:
         p_W, J = body.point(segment, p_B)
         low = LIFT_M - p_W[:, 2]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from virtual_laboratory.balance import Wrench, triangle_mean
+from virtual_laboratory.balance import Wrench, steadying, triangle_mean
 from virtual_laboratory.body import DEVICE, SHANK
 from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import COORDINATES, MOVING, Linearised, Person
@@ -22,7 +22,6 @@ from virtual_laboratory.prosthesis import Prosthesis
 from virtual_laboratory.reaction import Reaction
 from virtual_laboratory.supports import Support, target_centre
 from virtual_laboratory.targets import prosthetic_force
-from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trajectory import CoordinateTrajectory
 from vsf_drake.parameters import GRAVITY
 
@@ -30,15 +29,13 @@ FORCE_HZ = 1000
 """Of the forces."""
 MEASURED = (0, 2, 5)
 """Steps in which it is measured how the force answers to the shank's pose."""
-RETIMED = (4, 6)
-"""Steps after which the wished force begins and ends as much earlier as the achieved one was late, and conversely."""
 COARSE_S, FINE_STEPS = 1e-3, 2
 """Time step of the virtual walks but in the last steps."""
 BALANCING, HELD_M, HELD_RAD = 4, 1e-5, 2e-5
 """Steps at the end that balance the body with what the prosthesis carries, and what the shank may move in them."""
 CLOSE_BALANCE = (1.0, 0.2)
 """Force (N) and moment (N m) that they tolerate on the body."""
-STRIKE_S, STRIKE_M = 0.013, 5e-4
+STRIKE_S, STRIKE_M = 0.013, 2e-5
 """So long before and after heel strike the foot is kept in its place, to about so much."""
 SHEAR_N_PER_M, SOFTEST_N_PER_M = 15e3, 8e3
 PROBE_M, PROBE_RAD = 1e-3, 0.005
@@ -94,15 +91,11 @@ def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stag
     """Brings the force on the virtual prosthesis to the wished one."""
     weight = person.subject.mass_kg * GRAVITY
     targeted = weight * prosthetic_force(attempt.draw, attempt.time_s)
-    span = np.array([0.0, attempt.draw.stance_s])
     spot = target_centre(person, attempt.draw, attempt.time_s)
     fine_s = prosthesis.step_s
     for k in range(steps):
         prosthesis.step_s = fine_s if k >= steps - FINE_STEPS else max(fine_s, COARSE_S)
         now = forward(person, prosthesis, attempt)
-        if k in RETIMED:
-            span += np.clip([0.0, attempt.draw.stance_s] - _loaded_span(attempt.time_s, now.force[:, 2]), -0.01, 0.01)
-            targeted = weight * prosthetic_force(attempt.draw, attempt.time_s, (span[0], span[1]))
         if k in MEASURED:
             K = _stiffness(person, prosthesis, attempt, now, spot)
         body = person.linearise(attempt.u[:, :MOVING])
@@ -119,6 +112,8 @@ def polish(person: Person, attempt: Attempt, prosthesis: Prosthesis, stage: Stag
 def _balance(person: Person, attempt: Attempt, stage: Stage, load: Wrench) -> None:
     """Brings the body in balance with what the prosthesis does to it, the shank and so that load held."""
     wanted = person.linearise(attempt.u[:, :MOVING])
+    attempt.base[:, MOVING:] += steadying(wanted, stage.points, 1.0 / RATE_HZ, load, stage.plate,
+                                          attempt.u[:, MOVING:], attempt.stride)
     for _ in range(BALANCING):
         body = person.linearise(attempt.u[:, :MOVING])
         targets = common_targets(person, attempt, stage, body, stage.points, load, CLOSE_BALANCE)
@@ -126,12 +121,6 @@ def _balance(person: Person, attempt: Attempt, stage: Stage, load: Wrench) -> No
         off = np.column_stack([turned, wanted.p_WB[:, SHANK] - body.p_WB[:, SHANK]])
         targets.pose(body.J_WB[:, SHANK], off, np.array([HELD_RAD] * 3 + [HELD_M] * 3))
         attempt.c += targets.solve()
-
-
-def _loaded_span(time_s: np.ndarray, vertical_n: np.ndarray) -> np.ndarray:
-    """(2,) s, start and end of the longest contact."""
-    longest = max(find_stances(time_s, vertical_n, threshold_n=LOADED_N), key=lambda stance: stance.duration_s)
-    return np.array([longest.start_s, longest.end_s])
 
 
 def _strike(targets: Targets, body: Linearised, heel: Support, time_s: np.ndarray) -> None:

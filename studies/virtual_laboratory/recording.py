@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from virtual_laboratory.balance import FUNCTIONS, PLATE, Wrench, ask_balance, triangle_mean
+from virtual_laboratory.balance import FUNCTIONS, PLATE, Wrench, ask_balance, steadying, triangle_mean
 from virtual_laboratory.body import HAT, PELVIS, SHANK
 from virtual_laboratory.closing import Trunk, close, missing
 from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import COORDINATES, MOVING, TRUNK, Person, trunk_turn
-from virtual_laboratory.placing import RATE_HZ, Attempt, Stage, roughness, set_stage, standard_deviations
+from virtual_laboratory.placing import RATE_HZ, REPEATED, Attempt, Stage, roughness, set_stage, standard_deviations
 from virtual_laboratory.polish import FORCE_HZ, limb_load
 from virtual_laboratory.prosthesis import Prosthesis, centre_of_pressure
 from virtual_laboratory.reaction import Reaction
@@ -113,14 +113,19 @@ def record(person: Person, prosthesis: Prosthesis, attempt: Attempt, stage: Stag
     sigma, active = standard_deviations(), slice(len(COORDINATES), None)
     seen = Wrench(triangle_mean(load.force, every), triangle_mean(load.moment, every))
     for _ in range(CLOSING):
+        body = person.linearise(u[:, :MOVING])
         targets = Targets(attempt.splines, FUNCTIONS)
         targets.values(attempt.base - u, sigma)
         targets.smooth(c, roughness())
-        ask_balance(targets, person.linearise(u[:, :MOVING]), stage.points, 1.0 / RATE_HZ, seen, stage.plate,
-                    u[:, MOVING:], RECORDED_BALANCE)
+        targets.repeat(c, REPEATED * sigma)
+        ask_balance(targets, body, stage.points, 1.0 / RATE_HZ, seen, stage.plate, u[:, MOVING:], RECORDED_BALANCE)
         change = targets.solve(active)
         c += change
         u += attempt.splines.values @ change.T
+        level = steadying(person.linearise(u[:, :MOVING]), stage.points, 1.0 / RATE_HZ, seen, stage.plate,
+                          u[:, MOVING:], attempt.stride)
+        attempt.base[:, MOVING:] += level
+        u[:, MOVING:] += level
     between = np.maximum(instants - 0.5 / FORCE_HZ, instants[0])  # as the prosthesis's: mean over the last step
     smooth = CoordinateTrajectory(attempt.time_s, u[:, active], TRUNK + PLATE).sample(between)[0]
 

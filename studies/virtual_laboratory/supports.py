@@ -11,8 +11,8 @@ from virtual_laboratory.fitting import Targets
 from virtual_laboratory.motion import Linearised, Person
 from virtual_laboratory.targets import Draw, roll_over
 
-DEVICE_HEEL_M, DEVICE_FOREFOOT_M = 0.018, 0.195
-"""Where the prosthesis's load passes from and to, from the keel's end A."""
+DEVICE_REAR_M, DEVICE_HEEL_M, DEVICE_FOREFOOT_M = -0.012, 0.018, 0.195
+"""The sole's rear end, and where the prosthesis's load passes from and to, from the keel's end A."""
 HEEL_N_PER_M = 65e3
 FOREFOOT_N_PER_M = {"low": 10.0e3, "medium": 17.3e3, "high": 32.0e3, "passive": 45.0e3}
 """Where the fit starts from, of the reference subject: bench stiffness, heel published, forefoot published at both ends
@@ -55,8 +55,8 @@ def _shares(draw_delay: float, part: np.ndarray, load_n: np.ndarray) -> tuple[np
 
 
 def device_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.ndarray) -> list[Support]:
-    """The prosthesis's in its stance and in the next, a stride apart; the first heel at x = 0, the middle half a step
-    width to the right; turned out."""
+    """The prosthesis's in its stance and in the next, a stride apart; the sole's first rear end at x = 0, the middle
+    half a step width to the right; turned out."""
     lever = DEVICE_FOREFOOT_M - person.model.foot.pylon_x_m
     toe_stiffness = 1.0 / (1.0 / FOREFOOT_N_PER_M[draw.condition] + lever**2 / SOCKET_NM_PER_RAD)
     found = []
@@ -68,7 +68,7 @@ def device_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
             sunk = load**2 / np.maximum(on, 1.0) / stiffness  # less between the two, where the keel is held
             p_B = np.column_stack([np.full(len(load), x), np.zeros(len(load)),
                                    person.sole_height + sunk + on / SOCKET_N_PER_M])
-            along, ahead = x - DEVICE_HEEL_M, x - 0.5 * (DEVICE_HEEL_M + DEVICE_FOREFOOT_M)
+            along, ahead = x - DEVICE_REAR_M, x - 0.5 * (DEVICE_HEEL_M + DEVICE_FOREFOOT_M)
             p_W = np.array([draw.speed_m_per_s * strike_s + along * np.cos(turn),
                             -0.5 * draw.step_width_m - ahead * np.sin(turn), 0.0])
             found.append(Support(DEVICE, p_B, p_W, load))
@@ -89,7 +89,7 @@ def intact_supports(person: Person, draw: Draw, load_n: np.ndarray, time_s: np.n
                                        (INTACT_FOREFOOT, toe_n, INTACT_FOREFOOT_N_PER_M)):
             p_B = np.column_stack([np.full(len(load), heel_x + ratio * length), np.zeros(len(load)),
                                    -body.ankle_height + load / stiffness])
-            along, ahead = (ratio - INTACT_HEEL) * length, (ratio - 0.5 * (INTACT_HEEL + INTACT_FOREFOOT)) * length
+            along, ahead = ratio * length, (ratio - 0.5 * (INTACT_HEEL + INTACT_FOREFOOT)) * length
             p_W = np.array([draw.speed_m_per_s * strike_s + along * np.cos(turn),
                             0.5 * draw.step_width_m + ahead * np.sin(turn), 0.0])
             found.append(Support(INTACT_FOOT, p_B, p_W, load))

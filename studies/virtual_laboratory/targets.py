@@ -27,9 +27,9 @@ STANCE_S = {"low": (0.73, 0.02), "medium": (0.79, 0.01), "high": (0.71, 0.02)}
 """Published stance time of the prosthetic foot, mean and standard deviation (s)."""
 SPREAD = {
     "speed_m_per_s": (0.0, 0.02),
-    "duty": (0.61, 0.008),
+    "duty": (0.604, 0.008),
     "intact_duty": (0.64, 0.008),
-    "intact_step": (0.487, 0.008),
+    "intact_step": (0.508, 0.006),
     "step_width_m": (0.137, 0.007),
     "toe_out_deg": (6.0, 1.5),
     "tilt_deg": (0.0, 1.5),
@@ -53,7 +53,8 @@ SPREAD = {
     "roll_over": (0.0, 0.02),
 }
 """Mean and standard deviation between trials of one person, per `Draw`'s field: choices, of the size of what differs
-from stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones."""
+from stride to stride in people (a few per cent of body weight, of the cycle and of a step), not measured ones. The mean
+of intact_step makes steps of prosthetic / intact length 0.97 (doi 10.1097/PXR.0000000000000079)."""
 SHAPING = ("duty", "intact_duty", "intact_step", "first_peak_bw", "trough_bw", "second_peak_bw", "loading",
            "first_peak_at", "trough_at", "second_peak_at", "unloading", "intact_first_peak_bw", "intact_trough_bw",
            "intact_second_peak_bw")
@@ -74,11 +75,12 @@ TIMED_SD = 0.015
 LEG_M, REFERENCE_STATURE_M = 0.93, 1.81
 """Leg of the persons whose curves these are, taken for the reference subject's; longer and shorter ones step in
 proportion."""
-LOADED_BW = 20.0 / (78.0 * 9.81)
-"""Vertical force at which a stance begins and ends: 20 N of the reference subject's weight."""
+LOADED_BW = 40.0 / (78.0 * 9.81)
+"""Vertical force at which a wished stance begins and ends: 40 N of the reference subject's weight, as a plate that is
+read from 20 N on sees some milliseconds more of it."""
 MEAN_SPEED_M_PER_S, MEAN_STANCE_S, SPEED_PER_STANCE = 1.10, 0.743, 0.8
 """Faster (m/s) by 0.8 per second of shorter stance, about the mean of the published stance times: 1.0 to 1.2 m/s."""
-RISE_M, CONDITIONED = (1e-3, 1.5e-3, 3e-3), 6
+RISE_M, CONDITIONED = (2e-3, 2.5e-3, 3e-3), 6
 """Tolerated amplitudes (m) of the centre of mass's height, once to three times a stride, and steps; see `lifted`."""
 SOONEST_SD = {"loading": -1.6, "first_peak_at": -2.2}
 """`lifted` moves these no farther: the curve through a sooner first peak overshoots it by a fifth of the weight."""
@@ -239,15 +241,14 @@ def _curve(part: np.ndarray, points: list[tuple[float, float]]) -> np.ndarray:
     return np.where((part > 0.0) & (part < 1.0), make_interp_spline(x, y, bc_type=level)(np.clip(part, 0.0, 1.0)), 0.0)
 
 
-def prosthetic_force(draw: Draw, time_s: np.ndarray, span: tuple[float, float] | None = None) -> np.ndarray:
+def prosthetic_force(draw: Draw, time_s: np.ndarray) -> np.ndarray:
     """(n, 3) in body weights in W: forward, left, up; what the fit aims at, not what comes out.
 
-    Vertically more than LOADED_BW from `span[0]` to `span[1]` (s; of the stance if None), and so again every stride.
+    Vertically more than LOADED_BW in stance, and so again every stride.
     """
-    start, end = span or (0.0, draw.stance_s)
     fine = np.linspace(0.0, 1.0, 4001)
     loaded = fine[_prosthetic_shape(draw, fine)[:, 2] > LOADED_BW]
-    part = (time_s[None] - start - draw.stride_s * np.arange(-1, 3)[:, None]) / (end - start)
+    part = (time_s[None] - draw.stride_s * np.arange(-1, 3)[:, None]) / draw.stance_s
     return sum(_prosthetic_shape(draw, loaded[0] + row * (loaded[-1] - loaded[0])) for row in part)
 
 

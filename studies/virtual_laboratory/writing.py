@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from virtual_laboratory.figures import null_error
+from virtual_laboratory.figures import against_bands, null_error
 from virtual_laboratory.motion import COORDINATES
 from virtual_laboratory.recording import Foot, Recorded
 from virtual_laboratory.tiers import Tier
@@ -148,6 +148,7 @@ def write_readme(folder: Path, figures: dict[str, dict[str, float]], null: dict[
                  for one, row in null.items()}
     text = TEMPLATE.read_text(encoding="utf-8")
     text = text.replace("{figures}", _table("trial", [title for title, _, _ in shown.values()], achieved))
+    text = text.replace("{bands}", bands_table({"1.0 to 1.2": (figures.values(), None)}))
     with replaced(folder / "README.md") as stream:
         stream.write(text.replace("{null}", _table("curve of", list(null), stretched)))
 
@@ -170,9 +171,30 @@ def write_session_readme(folder: Path, rows: Mapping[str, Mapping[str, Any]]) ->
         summary[title] = [str(len(names)), *cells, f"{100 * np.mean(nulls):.1f}" if nulls else "-"]
     head = ["trials", "speed m/s", "stance s", "peak 1 %BW", "trough %BW", "peak 2 %BW", "floor %BW", "own %BW",
             "null %BW"]
+    speeds: dict[str, tuple[list[Mapping[str, float]], float]] = {}
+    for name, row in rows.items():
+        aimed = name.split("/")[-2].replace("p", ".")
+        speeds.setdefault(aimed, ([], float(aimed)))[0].append(row["figures"])
     text = SESSIONS.read_text(encoding="utf-8")
     with replaced(folder / "README.md") as stream:
-        stream.write(text.replace("{summary}", _table("session", head, summary)))
+        stream.write(text.replace("{summary}", _table("session", head, summary))
+                     .replace("{bands}", bands_table(speeds)))
+
+
+def bands_table(walks: Mapping[str, tuple[Iterable[Mapping[str, float]], float | None]]) -> str:
+    """What walks reach against the bands of walking, by speed: figures of each, and the speed of the bands (its own if
+    None); the band shown is the first walk's."""
+    lines = {}
+    for speed, (figures, of_all) in walks.items():
+        found = [against_bands(row, of_all or row["speed_m_per_s"]) for row in figures]
+        for name, (_, low, high) in found[0].items():
+            values = [row[name][0] for row in found]
+            out = sum(not a <= value <= b for value, a, b in (row[name] for row in found))
+            digits = 0 if name.endswith("mm") else 2 if "N m" not in name else 1
+            ends = f"from {low:.{digits}f}" if high == float("inf") else f"{low:.{digits}f} to {high:.{digits}f}"
+            lines[f"{speed} | {name}"] = [
+                ends, f"{min(values):.{digits}f} to {max(values):.{digits}f}", f"{out} of {len(values)}"]
+    return _table("at m/s | of each walk", ["band", "found", "outside"], lines).replace("| --- |", "| --- | --- |", 1)
 
 
 def _table(corner: str, head: list[str], rows: dict[str, list[str]]) -> str:

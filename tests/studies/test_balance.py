@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from virtual_laboratory.balance import Wrench, triangle_mean
 from virtual_laboratory.body import HAT, PELVIS, SEGMENTS, MassPoints, body_points
 from virtual_laboratory.closing import Trunk, close, missing
-from virtual_laboratory.figures import trial_figures
+from virtual_laboratory.figures import against_bands, trial_figures
 from virtual_laboratory.motion import Person
+from virtual_laboratory.placing import MARGIN_S
 from virtual_laboratory.prosthesis import prosthesis_of
 from virtual_laboratory.reaction import Reaction
 from virtual_laboratory.recording import Recorded
@@ -24,7 +23,6 @@ from vsf_drake.motion.trial import default_model
 from vsf_drake.parameters import GRAVITY, Subject
 
 SUBJECT = Subject(mass_kg=78.0, stature_m=1.81, sex="male", prosthetic_side="right")
-BANDS = Path(__file__).resolve().parents[2] / "data" / "published" / "walking_bands.csv"
 WEIGHT_N = SUBJECT.mass_kg * GRAVITY
 TIME = np.arange(0.0, 1.0, 1e-3)
 
@@ -42,14 +40,6 @@ def walked(person):
 def walk_at(person: Person, speed: float | None, number: int, steps: int) -> Recorded:
     draw = draw_trials(SEED, speed)[number]
     return walk_trial(person, prosthesis_of(SUBJECT, draw.fulcrum_m), draw, steps)
-
-
-def band(quantity: str, side: str, speed: float) -> tuple[float, float]:
-    """Linear between the speeds of data/published/walking_bands.csv."""
-    rows = [row for row in csv.DictReader(line for line in BANDS.read_text().splitlines() if not line.startswith("#"))
-            if row["quantity"] == quantity and row["side"] in (side, "each") and row["kind"] == "choice"]
-    speeds, low, high = (np.array([float(row[name]) for row in rows]) for name in ("speed_m_per_s", "low", "high"))
-    return float(np.interp(speed, speeds, low)), float(np.interp(speed, speeds, high))
 
 
 def points(mass: float, radii: tuple[float, float, float]) -> MassPoints:
@@ -148,6 +138,16 @@ def test_both_plates_and_weight_explain_the_motion_of_all_segments_at_every_inst
 
 
 @pytest.mark.slow
+def test_both_feet_together_carry_the_body_through_a_stride_and_make_it_neither_faster_nor_slower(walked):
+    """The impulse of both plates over a stride is the weight's, within 5 mm/s of the body's speed: a walk goes on."""
+    time = walked.force_time_s - MARGIN_S
+    total = walked.right.force + walked.left.force - WEIGHT_N * np.array([0.0, 0.0, 1.0])
+    for begun in (0.0, 0.1):
+        stride = (time >= begun) & (time < begun + walked.draw.stride_s)
+        assert np.abs(total[stride].sum(axis=0)).max() * 1e-3 / SUBJECT.mass_kg < 0.005
+
+
+@pytest.mark.slow
 def test_the_intact_plate_is_one_that_a_foot_can_have(walked):
     force, loaded = walked.left.force, walked.left.force[:, 2] > 20.0
     assert (force[~loaded] == 0.0).any(axis=0).all() and force[:, 2].min() >= 0.0
@@ -157,21 +157,15 @@ def test_the_intact_plate_is_one_that_a_foot_can_have(walked):
 @pytest.mark.slow
 @pytest.mark.parametrize(("speed", "number"), [(0.9, 7), (1.1, 4), (1.4, 8)])
 def test_a_walk_at_each_speed_lies_in_the_published_bands_on_both_sides(person, speed, number):
-    found = trial_figures(walk_at(person, speed, number, STEPS), WEIGHT_N)
+    found = trial_figures(walk_at(person, speed, number, STEPS), person)
     assert found["residual_force_bw"] < 0.005 and found["residual_moment_bwm"] < 0.005
     assert found["speed_m_per_s"] == pytest.approx(speed, abs=0.06)
-    for side, prefix in (("prosthetic", ""), ("intact", "intact_")):
-        for quantity, name in (("vgrf_peak1", "first_peak"), ("vgrf_trough", "trough"), ("vgrf_peak2", "second_peak"),
-                               ("braking_peak", "braking"), ("propulsion_peak", "propulsion")):
-            low, high = band(quantity, side, speed)
-            assert low < found[f"{prefix}{name}_bw"] < high, f"{side} {name}"
-        assert found[f"{prefix}cop_backward_mm"] < 3.0 and found[f"{prefix}cop_travel_mm"] > 180.0
+    for name, (value, low, high) in against_bands(found, speed).items():
+        assert low <= value < high, name
+    assert min(found["swing_clearance_mm"], found["intact_clearance_mm"]) > 5.0
+    for prefix in ("", "intact_"):
+        assert found[f"{prefix}cop_travel_mm"] > 180.0
         assert found[f"{prefix}trough_bw"] < min(found[f"{prefix}first_peak_bw"], found[f"{prefix}second_peak_bw"])
-        assert found[f"{prefix}free_moment_nm"] < 12.0
-    assert 0.90 < found["stance_s"] / found["intact_stance_s"] < 1.02  # stance_ratio, two standard deviations
-    slow = speed < 1.2
-    assert (1.09 if slow else 0.95) < found["stride_s"] < (1.49 if slow else 1.22)  # GAITRite, slow and normal
-    assert found["swing_clearance_mm"] > 5.0 and 48.0 < found["step_width_mm"] < 200.0
     # the next stride is like this one: within what people's strides differ by, 2 % of the speed and 2 degrees
     assert abs(found["gain_m_per_s"]) < 0.02 * speed and found["stride_ends_deg"] < 2.0
     assert found["trunk_shift_rms_mm"] < 10.0  # head, arms and trunk stay on the pelvis
@@ -214,9 +208,9 @@ def test_faster_people_step_oftener_load_and_push_more():
 
 
 @pytest.mark.slow
-def test_figures_of_a_walk_change_with_what_they_measure(walked):
-    figures = trial_figures(walked, WEIGHT_N)
+def test_figures_of_a_walk_change_with_what_they_measure(person, walked):
+    figures = trial_figures(walked, person)
     pushed = dataclasses.replace(walked.truth.missing, force=walked.truth.missing.force + np.array([0.0, 0.0, 3.0]))
     other = dataclasses.replace(walked, truth=dataclasses.replace(walked.truth, missing=pushed))
-    assert trial_figures(other, WEIGHT_N)["residual_force_bw"] == pytest.approx(3.0 / WEIGHT_N, rel=1e-3)
+    assert trial_figures(other, person)["residual_force_bw"] == pytest.approx(3.0 / WEIGHT_N, rel=1e-3)
     assert figures["residual_force_bw"] < 1e-5

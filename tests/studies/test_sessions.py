@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 from types import SimpleNamespace
 
 import make_sessions
 import pytest
 import session_fit
+from make_reference_subject import DATA as REFERENCE
 from make_sessions import DATA, DAYS, EMBEDDED, SPEEDS, Task, draws, make, part
+from virtual_laboratory.figures import against_bands
 
 from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.trial import load_trial
@@ -132,3 +135,23 @@ def test_what_is_embedded_says_what_it_is_and_is_small():
     files = [path for path in DATA.rglob("*") if path.is_file()]
     assert sum(path.stat().st_size for path in files) < 12e6 and not (DATA / ".made").exists()
     assert all("SYNTHETIC" in path.read_text(encoding="utf-8")[:400] for path in files)
+
+
+@pytest.mark.parametrize(("folder", "count"), [(REFERENCE, 9), (DATA, 39)])
+def test_every_embedded_walk_lies_in_the_bands_of_walking_on_both_sides(folder, count):
+    """data/published/walking_bands.csv at the speed of each walk; of the ratio of stance times, whose band is two standard
+    deviations wide, one walk in twenty may lie outside. Both plates explain the whole body's motion within 0.5 % of
+    body weight and 0.005 body weights times metres at every instant."""
+    with (folder / "figures.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(line for line in stream if not line.startswith("#")))
+    assert len(rows) == count
+    apart = 0
+    for row in rows:
+        figures = {name: float(value) for name, value in row.items() if name != "trial" and value}
+        outside = {name for name, (value, low, high) in against_bands(figures, figures["speed_m_per_s"]).items()
+                   if not low <= value <= high}
+        assert outside <= {"stance, prosthetic / intact"}, row["trial"]
+        apart += len(outside)
+        assert figures["residual_force_bw"] < 0.005 and figures["residual_moment_bwm"] < 0.005
+        assert figures["trunk_shift_rms_mm"] < 10.0, "head, arms and trunk stay on the pelvis"
+    assert apart <= round(0.05 * count)

@@ -16,6 +16,7 @@ from vsf_drake.analysis.validation.study import embedded_contact, embedded_trial
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import InputError
 from vsf_drake.files import resource
+from vsf_drake.motion.events import find_stances
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.formats.recording import PlateRecording
 from vsf_drake.motion.trajectory import CoordinateTrajectory
@@ -24,6 +25,7 @@ from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.sagittal.model import sagittal_coordinates
 from vsf_drake.simulation.walk import Walker
 
+WEIGHT_N = 78.0 * GRAVITY
 KINDS = (("laboratory", "medium_1"), ("exact", "high_1"))
 
 
@@ -211,6 +213,21 @@ def test_moment_about_the_origin_is_that_of_the_force_at_the_centre_of_pressure(
     t = np.array([0.3])
     later, now = (stride.measured("prosthetic", t + shift)[1] for shift in (stride.period_s, 0.0))
     np.testing.assert_allclose(later - now, stride.advance_m, atol=1e-9)
+
+
+def test_a_swing_that_the_recording_cuts_is_no_stance_without_a_plate(embedded_stride):
+    """Cut while the intact foot still goes back after its last lift-off, its motion shows none; the plate does."""
+    _, trial, walker, whole = embedded_stride
+    intact = trial.plates["left"]
+    lifted = find_stances(intact.time_s, intact.force_W[:, 2])[-1].end_s
+    motion = trial.trajectory
+    for after_s in (0.06, 0.1, 0.13):
+        rows = motion.time_s <= lifted + after_s
+        cut = CoordinateTrajectory(motion.time_s[rows], motion.values[rows], motion.names)
+        stride = recorded_stride(dataclasses.replace(trial, trajectory=cut, end_s=min(trial.end_s, cut.end_s)), walker)
+        t = np.linspace(0.0, whole.period_s, 200)
+        force = stride.measured("intact", t)[0]
+        np.testing.assert_allclose(force, whole.measured("intact", t)[0], atol=0.05 * WEIGHT_N)
 
 
 def test_a_recording_shorter_than_a_stride_is_refused(embedded_stride):

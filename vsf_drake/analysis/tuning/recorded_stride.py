@@ -260,6 +260,9 @@ def _unknown_spans(trial: Trial, loaded: Mapping[str, Sequence[Stance]],
                 break
             start, end = max(stance.start_s, plate.time_s[0]), min(stance.end_s, plate.time_s[-1])
             own = [(x.start_s, x.end_s) for x in loaded[s] if min(x.end_s, end) > max(x.start_s, start)]
+            if own:  # where the motion shows no strike or no lift-off, the plate's counts
+                start = start if stance.start_seen else max(start, min(a for a, _ in own))
+                end = end if stance.end_seen else min(end, max(b for _, b in own))
             edges = [start, *(edge for span in sorted(own) for edge in span), end]
             gap = max((b - a for a, b in zip(edges[::2], edges[1::2], strict=True)), default=0.0)
             if gap > min(TOLERANCE_S, 0.5 * (end - start)) and end > start:
