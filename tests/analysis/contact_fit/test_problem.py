@@ -291,7 +291,7 @@ def test_a_plate_that_reads_more_makes_a_residual_of_that_much_less(of_trial, so
     found = of(of_trial(own))
     rows = np.searchsorted(comparison.time_s, found["vertical"].times_s - 1e-9)
     np.testing.assert_allclose(found["vertical"].residual, -0.1 * comparison.model[rows, 2] / weight / 0.03, atol=1e-6)
-    inner = slice(3, -3)
+    inner = slice(5, -5)  # a plate that reads more is loaded a little sooner and longer
     np.testing.assert_allclose(found["cop_fore_aft"].residual[inner],
                                -0.01 * heading[0] / result.foot_length_m / 0.05, rtol=1e-3)
 

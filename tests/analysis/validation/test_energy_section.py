@@ -82,7 +82,7 @@ def test_conditions_are_means_of_their_stances_and_twice_the_step_leaves_twice_t
     assert [c.fulcrum_mm for c in table.conditions] == [66.0, 108.0, 151.0]
     for c, row in zip(table.conditions, table.trials, strict=True):
         assert c.means["stored_j"] == row.stored_j and c.means["stored_j_sd"] is None
-        assert row.coarse_remainder_max_j / row.remainder_max_j == pytest.approx(2.0, abs=0.3)
+        assert 1.7 < row.coarse_remainder_max_j / row.remainder_max_j < 2.6  # first order, with some of the second
 
 
 def test_walk_without_a_whole_stance_is_missing_and_stops_no_other():

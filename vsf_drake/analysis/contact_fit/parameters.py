@@ -242,8 +242,10 @@ def standard_parameters(
               for name, (sd, why) in CONSTANT_DEG.items()]
     items += [zero(f"curve.{name}_{side[0]}.{i}", "rad", math.radians(sd), 8, why)
               for name, (sd, why) in CURVE_DEG.items() for i in range(CURVE_COEFFICIENTS)]
+    # one trial does not tell the socket's flexion from the foot's alignment, two settings do
+    told = ("tz", "flexion") if len(labels) > 1 else ("tz",)
     items += [own(f"socket.{axis}.stiffness", 0.5, "measured sockets fix it within a factor of two",
-                  frozen=axis != "tz") for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
+                  frozen=axis not in told) for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
     if len(labels) > 1:
         items += [zero(f"trial.{label}.height", "m", 2e-3, 10, "calibration of the laboratory from trial to trial")
                   for label in labels]

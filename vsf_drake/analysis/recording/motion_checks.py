@@ -24,9 +24,10 @@ FEWEST_ANGLES = 3
 ZEROED_TILT_DEG, ZEROED_HIP_DEG = 2.0, 8.0
 """Pelvic tilt is about 11-12 degrees forward in walking and in standing, and mean hip flexion about 18 (Schwartz 2008,
 means); zeroed at standing they become about 0 and 3-6."""
-MEAN_DEG, MOVES_DEG = 0.01, 2.0
+MEAN_DEG, MOVES_DEG = 0.001, 2.0
 """An angle of a leg that moves by more than the second and whose mean over the recording is below the first had that
-mean subtracted: means of recorded and of synthetic walks that were not are 0.02 degrees and more (choices)."""
+mean subtracted: files keep four decimals and more, and one of some hundred angles of synthetic walks that were not
+comes to 0.002 degrees by chance (choices)."""
 ANKLE_DEG = 20.0
 AXIS_DEG = 10.0  # turn of a knee's axis beyond its own coupling of motions, some 5 degrees, and skin (a choice)
 LEAST_FLEXION_DEG = 30.0  # a knee that bends less does not show its axis (a choice)
