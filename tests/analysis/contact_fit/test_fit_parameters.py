@@ -169,6 +169,13 @@ def test_the_start_is_the_models_own_foot_but_for_exponents_that_may_fall(variab
     assert others == pytest.approx({name: variables[name].default for name in others})
 
 
+def test_the_sockets_flexion_is_sought_only_where_two_trials_tell_it_from_the_alignment(variables):
+    for labels, told in ((("one",), ["tz"]), (("one", "other"), ["flexion", "tz"])):
+        found = standard_parameters(variables, "right", labels=labels)
+        assert sorted(item.name.split(".")[1] for item in found.free if item.name.startswith("socket.")) == told
+
+
+
 @pytest.mark.parametrize("damping_by_zone", [False, True])
 def test_law_has_its_force_and_its_damping_at_the_reference_depth(variables, damping_by_zone):
     parameters = everything(variables, damping_by_zone=damping_by_zone)
