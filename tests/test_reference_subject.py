@@ -74,8 +74,8 @@ def test_everything_says_that_it_is_synthetic_and_the_folder_is_small(trials, me
 
 
 def test_stances_last_as_long_as_published_and_trials_of_one_setting_differ_as_real_ones_do(trials):
-    """Times within 2.5 standard deviations each (drawn within 1.6, walked within some ms of it), their mean within one; one trial's resultant stretched to another's
-    stance misses it by 2 % of body weight or more."""
+    """Times within 2.5 standard deviations each (drawn within 1.6, walked within some ms of it), their mean within one;
+    one trial's resultant stretched to another's stance misses it by 2 % of body weight or more."""
     for setting, (_, mean, deviation) in SETTINGS.items():
         times, curves = [], []
         for trial in (trials[f"{setting}_{i}"] for i in (1, 2, 3)):

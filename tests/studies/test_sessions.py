@@ -139,9 +139,9 @@ def test_what_is_embedded_says_what_it_is_and_is_small():
 
 @pytest.mark.parametrize(("folder", "count"), [(REFERENCE, 9), (DATA, 39)])
 def test_every_embedded_walk_lies_in_the_bands_of_walking_on_both_sides(folder, count):
-    """data/published/walking_bands.csv at the speed of each walk; of the ratio of stance times, whose band is two standard
-    deviations wide, one walk in twenty may lie outside. Both plates explain the whole body's motion within 0.5 % of
-    body weight and 0.005 body weights times metres at every instant."""
+    """data/published/walking_bands.csv at the speed of each walk; of the ratio of stance times, whose band is two
+    standard deviations wide, one walk in twenty may lie outside. Both plates explain the whole body's motion within
+    0.5 % of body weight and 0.005 body weights times metres at every instant."""
     with (folder / "figures.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(line for line in stream if not line.startswith("#")))
     assert len(rows) == count
