@@ -177,7 +177,8 @@ def test_drawn_noise_is_as_large_as_was_assumed_and_nothing_in_swing():
             inside = (term.times_s > stance.start_s + 0.02) & (term.times_s < stance.end_s - 0.02)
             rms.setdefault(term.name, []).append(np.mean(term.residual[inside] ** 2))
         plate = item.fit.trials[0].prosthetic_plate
-        assert not plate.force_W[plate.time_s < stance.start_s - 0.05].any()
+        # a foot that is drawn low leaves the floor just after the recording begins
+        assert not plate.force_W[(plate.time_s > 0.05) & (plate.time_s < stance.start_s - 0.05)].any()
     found = {name: np.sqrt(np.mean(values)) for name, values in rms.items()}
     for name in ("fore_aft", "lateral", "vertical"):
         assert found[name] == pytest.approx(0.97, rel=0.3), name

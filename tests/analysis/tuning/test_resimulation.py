@@ -246,7 +246,7 @@ def test_wrong_torques_need_more_feedback(fine, driven):
 def test_small_push_is_forgotten(fine, driven, push):
     """Stride by stride the linearised walk multiplies what is left of a push by the largest of its multipliers: against
     the same strides without it, since they too differ from one another in their strikes. Of two multiplications one is
-    asked: what the strikes in their steps leave, 0.1 % of body weight after the first, does not shrink with the push.
+    asked: what the strikes in their steps leave, 0.2 % of body weight, does not shrink with the push.
     """
     def left(strides):
         runs = [resimulate_with_feedback(embedded_walker(), fine, strides=strides, push=given)
@@ -254,7 +254,7 @@ def test_small_push_is_forgotten(fine, driven, push):
         assert not any(run.fell for run in runs)
         return max(np.sqrt(np.nanmean((runs[0].grf[foot] - runs[1].grf[foot]) ** 2)) for foot in FEET) / weight()
 
-    assert left(3) < driven.feedback.multiplier * left(1) + 0.001
+    assert left(3) < driven.feedback.multiplier * left(1) + 0.002
 
 
 def test_torques_alone_fall_and_that_cannot_be_read_as_success(fine):
