@@ -237,7 +237,7 @@ def test_what_drove_the_prosthesis_gives_its_plate_again():
 
 @pytest.mark.slow
 def test_a_motion_is_made_to_carry_the_wished_force():
-    """Each correction aims at seven tenths of the error and leaves four fifths or less; a recorded motion has had eight.
+    """Each correction aims at seven tenths of the error and leaves four fifths or less; a recording has had eight.
     In one call, as there: what balances the body at its end does not follow the force; a next call starts from it."""
     draw, subject = draw_trials(SEED)[NAMES.index("high_1")], load_yaml(FOLDER / "subject.yaml", Subject)
     person, prosthesis = Person(subject, default_model()), prosthesis_of(subject, draw.fulcrum_m)
