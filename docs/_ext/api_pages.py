@@ -91,8 +91,9 @@ def index(title: str, modules: list[str]) -> str:
                       *(f"   {name}" for name in modules), ""])
 
 
-def write(folder: Path, modules: list[ModuleType]) -> None:
-    """Writes pages and indices into `folder`; what has not changed is left alone, what no longer exists goes."""
+def write(folder: Path, modules: list[ModuleType], more: dict[str, str]) -> None:
+    """Writes pages and indices, and `more` by file name, into `folder`; what has not changed is left alone, what no
+    longer exists goes."""
     folder.mkdir(exist_ok=True)
     grouped: dict[str, list[ModuleType]] = {}
     for module in modules:
@@ -102,7 +103,7 @@ def write(folder: Path, modules: list[ModuleType]) -> None:
     names = [name.removesuffix(".rst") for name in pages]
     for key, title in titles.items():
         pages[f"{key}.rst"] = index(title, [name for name in names if layer(name) == key])
-    pages["index.rst"] = index("API reference", list(titles))
+    pages = pages | more | {"index.rst": index("API reference", list(titles))}
     for old in folder.iterdir():
         if old.name not in pages:
             old.unlink() if old.is_file() else shutil.rmtree(old)

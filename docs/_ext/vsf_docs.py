@@ -1,4 +1,4 @@
-"""Sphinx extension: API pages, template systems under their own names, port blocks, port tables, parameter tables."""
+"""Sphinx extension: pages of API, commands and files; template systems under their own names; port blocks, tables."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from typing import Any
 
 import api_pages
 import docstrings
+import generated_reference
 import port_nodes
 
 
 def _before_reading(app: Any) -> None:
     modules = api_pages.public_modules()
     docstrings.show_what_is_wrapped(modules)
-    api_pages.write(Path(app.srcdir) / "api", modules)
+    api_pages.write(Path(app.srcdir) / "api", modules, generated_reference.pages())
 
 
 def setup(app: Any) -> dict[str, Any]:

@@ -98,12 +98,16 @@ def _rows(name: str) -> list[dict[str, str]]:
 
 
 def _of_segments(rows: list[dict[str, str]], quantity: str, column: str) -> dict[str, np.ndarray]:
-    """(3,) rad by kind of segment: what the published angles leave it."""
-    angles = {row["coordinate"]: float(row[column]) for row in rows if row["quantity"] == quantity} | {"": 0.0}
+    """(3,) rad by kind of segment: what the published angles leave it. ValueError where that is less than nothing, as
+    of no segments that err independently."""
+    angles = {row["coordinate"]: float(row[column]) for row in rows if row["quantity"] == quantity}
     sizes: dict[str, np.ndarray] = {}
     above = np.zeros(3)
     for kind, names in ANGLES.items():
-        above = np.sqrt(np.maximum(0.0, np.square([angles[name] for name in names]) - above**2))
+        squares = np.array([angles[name]**2 - own**2 if name else 0.0 for name, own in zip(names, above, strict=True)])
+        if squares.min() < 0.0:
+            raise ValueError(f"{column}: {names[int(squares.argmin())]} is less uncertain than the segment above it")
+        above = np.sqrt(squares)
         sizes[kind] = np.radians(above)
     return sizes
 

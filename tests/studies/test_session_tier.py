@@ -77,20 +77,33 @@ def all_values(coordinates):
     return values
 
 
-def test_errors_of_segments_give_every_angle_its_published_size():
-    """By chance: many persons upright, their segments turned as drawn, and the spread of the angles read off."""
-    random, sizes, count = np.random.default_rng(0), published_sizes(), 6000
+@pytest.mark.parametrize(("size", "table", "column"), [
+    ("between_sessions", ("kinematic_repeatability.csv", "error"), "between_session_sd_deg"),
+    ("between_trials", ("kinematic_repeatability.csv", "error"), "between_trial_sd_deg"),
+    ("sway", ("soft_tissue_artefact.csv", "amplitude"), "value")])
+def test_errors_of_segments_give_every_angle_its_published_size(size, table, column):
+    """By chance: many persons upright, their segments turned as drawn, and the spread of the angles read off; and no
+    segment with markers on skin is right in any plane of which an angle is published."""
+    random, sizes, count = np.random.default_rng(0), getattr(published_sizes(), size), 6000
     upright, _ = orientations_of(np.zeros((count, len(BOTH_ANKLES))))
-    wanted = {row["coordinate"]: float(row["between_session_sd_deg"]) for row in module._rows(
-        "kinematic_repeatability.csv") if row["quantity"] == "error"}
+    wanted = {row["coordinate"]: float(row[column]) for row in module._rows(table[0]) if row["quantity"] == table[1]}
     turned = {segment: R @ module.Rotation.from_rotvec(
-        sizes.between_sessions[segment.partition("_")[0]] * random.standard_normal((count, 3))).as_matrix()
+        sizes[segment.partition("_")[0]] * random.standard_normal((count, 3))).as_matrix()
         for segment, R in upright.items()}
     angles = dict(zip(BOTH_ANKLES, np.degrees(coordinates_of(turned, np.zeros((count, 3)))).std(axis=0), strict=True))
-    for names in ANGLES.values():
-        for name in filter(None, names):
-            own = angles[name if name.startswith("pelvis") else f"{name}_l"]
-            assert own == pytest.approx(wanted[name], rel=0.05), name
+    for kind, names in ANGLES.items():
+        for axis, name in enumerate(names):
+            if name:
+                own = angles[name if name.startswith("pelvis") else f"{name}_l"]
+                assert own == pytest.approx(wanted[name], rel=0.05), name
+                assert np.degrees(sizes[kind][axis]) > 0.3, kind
+
+
+def test_an_angle_less_uncertain_than_the_segment_above_it_is_refused():
+    rows = [{"quantity": "error", "coordinate": name, "sd": "2.0" if name == "pelvis_tilt" else "1.0"}
+            for names in ANGLES.values() for name in names if name]
+    with pytest.raises(ValueError, match="hip_flexion is less uncertain"):
+        module._of_segments(rows, "error", "sd")
 
 
 def test_slow_errors_have_their_size_and_no_mean():

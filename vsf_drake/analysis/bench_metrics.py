@@ -32,9 +32,13 @@ def _tuned_joints(fulcrum_mm: float, *, series_n_per_m: float = 62.8e3) -> float
     13.839 - 0.0677 * fulcrum in mm (N m per degree), a regression that their authors tuned on the bench. They give no
     series spring; the 62.8 N/mm are ours, so that 150 mm has 32.0 N/mm, published for 151 mm.
     """
-    joint = math.degrees(13.839 - 0.0677 * fulcrum_mm)  # N m/rad
-    return 1.0 / (sum((1e-3 * (199 - x)) ** 2 for x in range(66, 199, 21) if x >= fulcrum_mm) / joint
-                  + 1.0 / series_n_per_m)
+    return 1.0 / (sum((1e-3 * (199 - x)) ** 2 for x in range(66, 199, 21) if x >= fulcrum_mm)
+                  / tuned_joint_nm_per_rad(fulcrum_mm) + 1.0 / series_n_per_m)
+
+
+def tuned_joint_nm_per_rad(fulcrum_mm: float) -> float:
+    """Of each joint of the GaitModel_VSF scripts' keel."""
+    return math.degrees(13.839 - 0.0677 * fulcrum_mm)
 
 
 TUNED_JOINTS_N_PER_M = {x / 1000: _tuned_joints(x) for x in (66, 87, 108, 129, 150)}

@@ -12,10 +12,11 @@ from typing import Any, Self
 from vsf_drake.errors import InputError, VsfError, interrupted_lately, note_interruption
 
 RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
-ORDER = {name: place for place, name in enumerate((
-    "bench", "simulate", "validate", "report", "import", "check", "sweep", "fit", "tune", "schedule", "show", "export",
-    "stand"))}
-"""Of the commands in --help, as in docs/guide/commands.md."""
+GUIDES = {
+    "bench": "commands", "simulate": "trials", "validate": "validate", "report": "results", "import": "laboratory_files",
+    "check": "trials", "sweep": "sweep", "fit": "fit", "tune": "tune", "schedule": "tune", "show": "drake",
+    "export": "drake", "stand": "files_and_units", "doctor": "commands"}
+"""Commands in the order of --help and of docs/guide/commands.md, and the page of docs/guide that says what they take."""
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
 
@@ -33,11 +34,11 @@ def main() -> None:
 def _ended(signals: _Signals) -> int | str | None:
     """Runs the command, and says what there is to say of how it ended; the exit code."""
     try:  # the commands are loaded here, where a signal already finds its answer
-        from vsf_drake.cli import device, fit, recordings, study, sweep, tune  # noqa: F401
+        from vsf_drake.cli import device, doctor, fit, recordings, study, sweep, tune  # noqa: F401
         from vsf_drake.cli.app import app
 
         app.registered_commands.sort(
-            key=lambda each: ORDER.get(str(each.name or getattr(each.callback, "__name__", "")), len(ORDER)))
+            key=lambda each: list(GUIDES).index(str(each.name or getattr(each.callback, "__name__", ""))))
         app()
     except (SystemExit, KeyboardInterrupt) as ended:
         signals.answer_no_more()
@@ -59,6 +60,8 @@ def _ended(signals: _Signals) -> int | str | None:
         from vsf_drake.cli.app import fail
 
         fail(str(error))
+        if isinstance(error, InputError) and (command := next(iter(sys.argv[1:]), "")) in GUIDES:
+            print(f"guide: docs/guide/{GUIDES[command]}.md", file=sys.stderr)
         return error.exit_code
     return 0
 

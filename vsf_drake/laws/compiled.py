@@ -18,6 +18,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, Protocol, TypeVar
@@ -119,6 +120,24 @@ def _folder() -> str:
                     shutil.rmtree(old, ignore_errors=True)  # numba makes it again for a process that still uses it
         return str(folder)
     return ""
+
+
+@dataclass(frozen=True)
+class KeptCode:
+    """The machine code on disk, in the folder of this process's sources."""
+
+    folder: str  # "" where none can be written
+    functions: int  # that are kept, of the same sources and the same numba and numpy
+    size_mb: float
+    current: bool  # whether the sources on disk are still those that this process runs
+
+
+def kept_code() -> KeptCode:
+    """What is kept now."""
+    files = [file for file in Path(_FOLDER).rglob("*") if file.is_file()] if _FOLDER else []
+    return KeptCode(folder=_FOLDER, functions=sum(file.suffix == ".nbi" for file in files),
+                    size_mb=1e-6 * sum(file.stat().st_size for file in files),
+                    current=sources_sha256(_PACKAGE, COMPILED) == _SOURCES)
 
 
 _SOURCES = sources_sha256(_PACKAGE, COMPILED)

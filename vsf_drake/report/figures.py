@@ -106,7 +106,7 @@ def _bench_stiffness(axes: Axes, bench: BenchResult, table: BenchTable) -> None:
     axes.plot([], [], linestyle="", marker="_", markersize=14, markeredgewidth=3.5, color=NEUTRAL,
               alpha=MEASURED["alpha"], label="published")
     axes.plot([row.fulcrum_mm for row in rows], [row.tuned_joints_n_per_mm or np.nan for row in rows], linestyle="",
-              marker="x", color=NEUTRAL, label="tuned joints of the authors' model")
+              marker="x", color=NEUTRAL, label="tuned joints of the authors' model, small loads")
     heel = table.heel_stiffness_n_per_mm
     if heel is not None:
         text = f"heel: {heel:.1f} N/mm (published {table.heel_published_n_per_mm:g})"

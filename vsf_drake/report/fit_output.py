@@ -143,7 +143,7 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
         rest_rows=[_parameter(row, table) for row in table.parameters if not row.frozen and row not in own],
         frozen_rows=[(row.name, shown_value(row, row.value), shown_unit(row))
                      for row in table.parameters if row.frozen],
-        reference_depth_mm=1e3 * REFERENCE_DEPTH_M, smooth=smooth_errors(table),
+        reference_depth_mm=1e3 * REFERENCE_DEPTH_M, smooth=[row for row in table.curves if row.largest_deg != 0.0],
         noise_rows=[(row.trial, row.series, f"{row.ratio:.2f}") for row in table.noise_ratios],
         left_out_rows=[(row.kind, ", ".join(row.left_out), *(
             (f"failed: {row.failed}", "", "") if row.failed else
@@ -200,13 +200,6 @@ def own_parameters(table: FitTable) -> list[ParameterRow]:
     """The fitted parameters of foot and person: without those of curves and of single trials."""
     return [row for row in table.parameters
             if not row.frozen and not is_smooth(row.name) and not row.name.startswith("trial.")]
-
-
-def smooth_errors(table: FitTable) -> str:
-    """The curves of joint angles in one sentence, "" if there are none or all were left at zero."""
-    largest = [f"{row.coordinate} {row.largest_deg:+.2f}°" for row in table.curves if row.largest_deg != 0.0]
-    return (f"Smooth errors of joint angles over the gait cycle, at their largest: {', '.join(largest)}."
-            if largest else "")
 
 
 LAYER_HEADINGS = (

@@ -45,7 +45,7 @@ def solution():
 def fine():
     """A stride whose pelvis is helped by the load that the recording leaves there, as a known force. At 160 instants,
     8 ms apart: the strike on the stiff support is too quick for 16 ms, at which the feedback has to
-    mend torques that were read too seldom (by 6 % of their size, against 0.6 % at 160 and at 320)."""
+    mend torques that were read too seldom (by 6 % of their size, against 2 % at 160)."""
     return loaded_motion(160)
 
 
@@ -232,7 +232,7 @@ def test_torques_and_feedback_stay_on_the_solution_s_stride(driven, fine):
     assert not driven.fell and driven.percent_bw < module.TARGET_PERCENT_BW[module.PRESCRIBED]
     assert driven.motion_rms["pelvis_ty"] < 1.0
     assert max(rms for name, rms in driven.motion_rms.items() if not name.startswith("pelvis_t")) < 0.5
-    assert driven.feedback.share < 0.05
+    assert driven.feedback.share < 0.03
     assert driven.feedback.multiplier < 1.0 < driven.feedback.open_multiplier
 
 
@@ -245,8 +245,8 @@ def test_wrong_torques_need_more_feedback(fine, driven):
 @pytest.mark.parametrize("push", [pushed(1, 0.02), pytest.param(pushed(2, 0.05), marks=pytest.mark.slow)])
 def test_small_push_is_forgotten(fine, driven, push):
     """Stride by stride the linearised walk multiplies what is left of a push by the largest of its multipliers: against
-    the same strides without it, since they too differ from one another in their strikes. Of two multiplications one is
-    asked: what the strikes in their steps leave, 0.2 % of body weight, does not shrink with the push.
+    the same strides without it, since they too differ from one another in their strikes. Of four multiplications two
+    are asked: at first a push is large enough to move the strikes, which no linear walk knows.
     """
     def left(strides):
         runs = [resimulate_with_feedback(embedded_walker(), fine, strides=strides, push=given)
@@ -254,7 +254,7 @@ def test_small_push_is_forgotten(fine, driven, push):
         assert not any(run.fell for run in runs)
         return max(np.sqrt(np.nanmean((runs[0].grf[foot] - runs[1].grf[foot]) ** 2)) for foot in FEET) / weight()
 
-    assert left(3) < driven.feedback.multiplier * left(1) + 0.002
+    assert left(5) < driven.feedback.multiplier**2 * left(1)
 
 
 def test_torques_alone_fall_and_that_cannot_be_read_as_success(fine):
@@ -300,7 +300,7 @@ def test_a_run_that_ends_after_one_step_is_none(solution, walk, monkeypatch):
 STEPS, SMALL_Q, SMALL_V, SMALL_TORQUE = 12, 1e-6, 1e-4, 1e-2
 
 
-@pytest.mark.parametrize("phase", [0.4, 0.75])
+@pytest.mark.parametrize("phase", [0.4, 0.75])  # the prosthetic, the intact foot alone on the floor
 def test_linear_answer_is_the_limit_of_the_stepper_s(solution, walk, phase):
     """End of STEPS steps under the loads that prescribed the walk, from another start or with more torque."""
     record, tree, names = walk.record, walk.mechanism.tree, solution.names

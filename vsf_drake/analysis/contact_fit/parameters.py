@@ -160,7 +160,8 @@ def owner(name: str) -> str | None:
 #     trial.LABEL.curve.NAME.i  rad, slow error of a joint angle in one recording alone
 #     trial.LABEL.path.NAME.i   m, slow correction of the pelvis's path in one recording alone
 #     friction.mu_static | threshold_velocity, friction.kinetic_share     kinetic over static friction, at most 1
-#     keel.flexural_modulus, fulcrum.stiffness, contact.ZONE.full_damping_depth     frozen
+#     keel.flexural_modulus, fulcrum.stiffness     free where there is a bench
+#     contact.ZONE.full_damping_depth     frozen
 #
 # A law's stiffness in N/m^exponent and its exponent cannot be told apart by what a foot carries; a force at a depth
 # that it reaches, and the exponent, can. Prior widths are choices unless a source is given with them.
@@ -199,7 +200,7 @@ def standard_parameters(
     Args:
         variables: of the walker. side: "right" or "left", the prosthetic one.
         labels: of the trials.
-        bench: there is one, which tells the keel's modulus.
+        bench: there is one, which tells the keel's modulus and the support's stiffness.
         damping_by_zone: a damping time for each zone in place of one for all.
         paths: each trial has a slow correction of the pelvis's path.
     """
@@ -242,10 +243,8 @@ def standard_parameters(
               for name, (sd, why) in CONSTANT_DEG.items()]
     items += [zero(f"curve.{name}_{side[0]}.{i}", "rad", math.radians(sd), 8, why)
               for name, (sd, why) in CURVE_DEG.items() for i in range(CURVE_COEFFICIENTS)]
-    # one trial does not tell the socket's flexion from the foot's alignment, two settings do
-    told = ("tz", "flexion") if len(labels) > 1 else ("tz",)
     items += [own(f"socket.{axis}.stiffness", 0.5, "measured sockets fix it within a factor of two",
-                  frozen=axis not in told) for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
+                  frozen=axis != "tz") for axis in ("tx", "ty", "tz", "flexion", "adduction", "rotation")]
     if len(labels) > 1:
         items += [zero(f"trial.{label}.height", "m", 2e-3, 10, "calibration of the laboratory from trial to trial")
                   for label in labels]
@@ -257,7 +256,8 @@ def standard_parameters(
                   for label in labels for name in PATH_COORDINATES for i in range(SLOW_COEFFICIENTS)]
     items += [own("keel.flexural_modulus", 0.2, "effective: it stands for what yields in one keel and its anchor",
                   frozen=not bench),
-              own("fulcrum.stiffness", 0.7, "a choice: stiff enough to sink less than a millimetre")]
+              # a bench's middle positions tell it from the keel
+              own("fulcrum.stiffness", 0.7, "a choice: stiff enough to sink less than a millimetre", frozen=not bench)]
     share = min(variables[MU_KINETIC].default / variables[MU_STATIC].default, 1.0)
     # the paper's coefficients were given, not fitted; a foot that the recording drags along slips at 0.1 to 0.2 m/s
     items += [own(MU_STATIC, 0.5, "shoes on floors: 0.3 to 0.8 (a choice)", frozen=False),

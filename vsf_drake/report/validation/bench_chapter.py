@@ -108,7 +108,7 @@ def _stiffness_figure(table: BenchSectionTable) -> Figure:
             axes.errorbar(x[i], measured[i], yerr=half[i] if np.isfinite(half[i]) else None, capsize=4, **look)
             axes.plot(x[i], model[i], markersize=10, markerfacecolor="none", markeredgewidth=1.4, **look)
         axes.plot(x, [row.tuned_joints_n_per_mm or np.nan for row in rows], marker="x", color=NEUTRAL, linestyle="",
-                  label="tuned joints of the authors' model")
+                  label="tuned joints of the authors' model, small loads")
         axes.plot([], [], marker="_", markersize=14, markeredgewidth=3.0, color=NEUTRAL, linestyle="",
                   label="published end points")
         axes.set_ylim(bottom=0.0)

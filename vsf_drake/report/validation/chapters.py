@@ -19,6 +19,7 @@ from vsf_drake.report.validation.roll_over_chapter import roll_over_chapter
 from vsf_drake.report.validation.sensitivity_chapter import sensitivity_chapter
 from vsf_drake.report.validation.settings_chapter import settings_chapter
 from vsf_drake.report.validation.walking_chapter import exact_chapter, layers_chapter, walking_chapter
+from vsf_drake.sentences import say
 
 Content = Mapping[str, Any]
 """What a `validation.json` holds, of any version, which a record of this version need not take."""
@@ -50,10 +51,9 @@ def make_chapters(
         if not isinstance(section, Mapping):
             if name in ("layers", "walking_exact", "layers_exact"):  # only of some studies
                 continue
-            why = ["Still to come." if content.get("to_come") else
-                   "Not among these results; `vsf-drake validate --full` computes it."]
+            why = say("validation", "absent", to_come=content.get("to_come"))
         elif section.get("failure") or section.get("table") is None:
-            why = [f"This could not be computed: {section.get('failure') or 'unknown'}"]
+            why = say("validation", "not_computed", why=section.get("failure") or "unknown")
         else:
             own = {key.removeprefix(f"{name}/"): array for key, array in arrays.items() if key.startswith(f"{name}/")}
 

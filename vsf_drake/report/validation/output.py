@@ -20,23 +20,21 @@ from vsf_drake.simulation.results import save_walk
 
 FORMAT = 1
 WALKS, REPLAY, UNFINISHED = "walks", "replay.html", "unfinished"
-NO_FIRST_LINE = "These results do not say whether their data are measured or synthetic."
 
 
 def _show(table: Content, arrays: Arrays, *, folder: Path, lenient: bool) -> dict[str, Any]:
     """What `page.chapter_page` is to be given; notes of what this version finds wrong come with it."""
     notes = list(table["notes"]) if isinstance(table.get("notes"), list) else []
     if table.get("format") != FORMAT:
-        notes.append(f"These results have format {table.get('format', 'unknown')}; this version writes format "
-                     f"{FORMAT} and shows of them what it can.")
+        notes += say("validation", "other_format", found=table.get("format", "unknown"), own=FORMAT)
     replayed = bool(table.get("replay")) and (folder / REPLAY).is_file()
     if table.get("replay") and not replayed:
-        notes.append(f"{REPLAY} is not there any more; making it again needs the walks: `vsf-drake validate`.")
+        notes += say("validation", "no_replay", file=REPLAY)
     content = {**table, "notes": notes, "replay_file": REPLAY if replayed else None}
     return {"chapters": make_chapters(content, arrays, tables(), lenient=lenient),
             "alarm": say("validation", "unfinished", to_come=table["to_come"])[0] if table.get("to_come") else "",
             "title": str(table.get("title") or "Validation"),
-            "first_line": str(table.get("first_line") or NO_FIRST_LINE),
+            "first_line": str(table.get("first_line") or say("validation", "no_first_line")[0]),
             "synthetic": bool(table.get("synthetic", True))}
 
 

@@ -1,0 +1,123 @@
+"""Two pages of reference: every key of every YAML file, from its schema, and every option of every command."""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from collections.abc import Iterator
+from typing import Any
+
+import typer
+import typer.main
+
+from vsf_drake.analysis.tuning.schedule import _TaskFile
+from vsf_drake.bench_curves import _BenchFile
+from vsf_drake.cli import GUIDES, device, doctor, fit, recordings, study, sweep, tune  # noqa: F401 (each adds its commands)
+from vsf_drake.cli.app import app
+from vsf_drake.contact_file import FittedContact
+from vsf_drake.ground import Ground
+from vsf_drake.motion.manifest import Manifest, StatedSubject
+from vsf_drake.motion.markers.maps import _MapFile
+from vsf_drake.parameters import ModelParameters, Subject
+from vsf_drake.scenario import Scenario
+
+FILES: dict[str, tuple[type, str]] = {
+    "Trial": (Manifest, "One recorded walk; `import` writes it. Guide: [trials](../guide/trials.md)."),
+    "Subject": (Subject, "The person, named by a trial; `import` writes it."),
+    "Subject, stated": (StatedSubject, "What `import --subject` and a trial of markers take, as far as it is known."),
+    "Marker map": (_MapFile, "Which label is which marker: [a laboratory's files](../guide/laboratory_files.md)."),
+    "Model": (ModelParameters, "Foot, socket and person, as `models/nominal.yaml` has them; a trial names it."),
+    "Bench": (_BenchFile, "Stiffness as measured on a testing machine, for `fit --bench`: [fit](../guide/fit.md)."),
+    "Contact": (FittedContact, "What `fit` found; `--contact` takes it."),
+    "Scenario": (Scenario, "A station of Drake systems. Guide: [Drake](../guide/drake.md)."),
+    "Ground": (Ground, "Patches that a foot meets; `ground:` of a scenario names it."),
+    "Tasks": (_TaskFile, "What `schedule` chooses settings for. Guide: [tune](../guide/tune.md)."),
+}
+_WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
+
+
+def pages() -> dict[str, str]:
+    """Markdown by file name."""
+    return {"yaml_files.md": yaml_files(), "command_line.md": command_line()}
+
+
+def yaml_files() -> str:
+    """The keys of each file."""
+    text = ["# YAML files, every key", "",
+            "`[]` is a list, `{}` is by names, of variables or coordinates. An unknown key is refused.", ""]
+    for name, (schema, what) in FILES.items():
+        text += [f"## {name}", "", what, "", "| key | what it takes | unit | range | default | source |",
+                 "|---|---|---|---|---|---|"]
+        text += ["| " + " | ".join(_cell(word) for word in row) + " |" for row in _keys(schema, "", ())]
+        text.append("")
+    return "\n".join(text)
+
+
+def command_line() -> str:
+    """The options of each command."""
+    group: Any = typer.main.get_command(app)
+    text = ["# Commands, every option", "",
+            "The [guide](../guide/commands.md) says what each is for, and the exit codes.", ""]
+    for name in sorted(group.commands, key=list(GUIDES).index):
+        command = group.commands[name]
+        text += [f"## vsf-drake {name}", "", _cell(command.help or ""), "", "| | | default |", "|---|---|---|"]
+        for parameter in command.params:
+            said = parameter.get_help_record(typer.Context(command))
+            taken = (said[0] if said else parameter.human_readable_name).split(" <")[0]
+            switch, value = " / " in taken, parameter.default
+            default = taken.split(" / ")[0 if value else 1] if switch else "required" if parameter.required else (
+                "" if value is None or value is False or callable(value) else str(value))
+            text.append(f"| `{_cell(taken)}` | {_cell(getattr(parameter, 'help', None) or '')} | {_cell(default)} |")
+        text.append("")
+    return "\n".join(text)
+
+
+def _keys(schema: type, before: str, above: tuple[type, ...]) -> Iterator[tuple[str, ...]]:
+    """A row for each key, those of a schema within it below."""
+    kinds = typing.get_type_hints(schema)
+    for field in dataclasses.fields(schema):
+        name, meta = f"{before}{field.name}", field.metadata
+        inner, mark, plain = _inside(kinds[field.name])
+        low, high = meta.get("low"), meta.get("high")
+        takes = " or ".join(meta["options"]) if "options" in meta else plain
+        if takes or mark or inner is None:
+            yield (f"`{name}{mark}`", takes, meta.get("unit", ""), "" if low is None else f"{low:g} to {high:g}",
+                   _default(field), meta.get("source", ""))
+        if inner and inner not in above:
+            yield from _keys(inner, f"{name}{mark}.", (*above, schema))
+
+
+def _inside(kind: Any) -> tuple[type | None, str, str]:
+    """The schema within an annotation, "[]" or "{}" where there are several, and in words what else it takes."""
+    schema, mark, words = None, "", list[str]()
+    if dataclasses.is_dataclass(kind):
+        return typing.cast(type, kind), "", ""
+    origin = typing.get_origin(kind)
+    arguments = [one for one in typing.get_args(kind) if one not in (type(None), Ellipsis)]
+    if origin is dict:
+        schema, _, word = _inside(arguments[1])
+        return schema, "{}", word
+    if origin in (tuple, list):
+        schema, _, word = _inside(arguments[0])
+        return schema, "[]", word
+    for one in arguments:
+        found, mark_of, word = _inside(one)
+        schema, mark, words = schema or found, mark or mark_of, [*words, *filter(None, [word])]
+    return schema, mark, " or ".join(dict.fromkeys(words)) or ("" if arguments else _WORDS.get(kind, "any value"))
+
+
+def _default(field: dataclasses.Field[Any]) -> str:
+    if field.default is dataclasses.MISSING:
+        return "required" if field.default_factory is dataclasses.MISSING else "none"
+    value = field.default
+    if value is None or value == () or dataclasses.is_dataclass(value):
+        return "none"
+    if isinstance(value, tuple):
+        return ", ".join(f"{one:g}" if isinstance(one, float | int) else "its own" for one in value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float | int) else str(value)
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")

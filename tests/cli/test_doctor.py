@@ -1,0 +1,48 @@
+"""`vsf-drake doctor` says what is installed, and does not call a broken installation sound."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+from types import SimpleNamespace
+
+import pydrake.solvers
+from command_line import exit_code
+
+import vsf_drake.simulation.bench
+from vsf_drake.cli import GUIDES
+from vsf_drake.errors import SimulationError
+from vsf_drake.laws.compiled import kept_code
+
+
+def test_versions_solvers_and_compiled_code_are_told_and_the_foot_has_its_stiffness(capsys):
+    assert exit_code("doctor") == 0
+    said = capsys.readouterr().out
+    for name in ("drake", "numpy", "numba"):
+        assert f"{name} {importlib.metadata.version(name)}" in said.lower()
+    assert all(name in said for name in ("SNOPT", "Ipopt", "NLopt", "Clarabel")) and "MISSING" not in said
+    kept = kept_code()
+    assert kept.current and kept.functions > 0 and f"{kept.functions} functions" in said
+    stiffness = float(re.search(r"([\d.]+) N/mm", said)[1])
+    assert abs(stiffness - 16.7) < 0.8, "the tuned joints of the authors' scripts, at 108 mm"
+
+
+def test_a_missing_solver_and_a_foot_that_does_not_run_end_with_an_error(capsys, monkeypatch):
+    def refused(*_, **__):
+        raise SimulationError("the keel gave way", time_s=0.1)
+
+    own = pydrake.solvers.IpoptSolver.id
+    with monkeypatch.context() as patch:
+        patch.setattr(pydrake.solvers, "IpoptSolver", lambda: SimpleNamespace(solver_id=own, available=lambda: False))
+        assert exit_code("doctor") == SimulationError.exit_code
+    assert "Ipopt MISSING" in capsys.readouterr().out
+    monkeypatch.setattr(vsf_drake.simulation.bench, "run_bench", refused)
+    assert exit_code("doctor") == SimulationError.exit_code
+    seen = capsys.readouterr()
+    assert "FAILED" in seen.out and "the keel gave way" in seen.err
+
+
+def test_an_error_names_the_page_of_the_guide_that_says_what_the_command_takes(capsys, tmp_path):
+    assert exit_code("check", tmp_path / "none.yaml", "--out", tmp_path / "out") == 2
+    assert capsys.readouterr().err.endswith("guide: docs/guide/trials.md\n")
+    assert GUIDES["fit"] == "fit"

@@ -1,0 +1,57 @@
+"""`vsf-drake doctor`: what this installation is made of, and what it lacks."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import re
+import sys
+
+from vsf_drake.cli.app import app, fail, print_text
+from vsf_drake.errors import SimulationError
+
+_REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)[^;]*;.*extra == ['\"](?P<extra>\w+)['\"]")
+_FOR_USERS = ("import", "tables", "cluster", "bench", "spm", "docs")
+"""Groups of packages that a command or a method asks for."""
+
+
+@app.command()
+def doctor() -> None:
+    """Prints versions, cores, solvers, optional packages and the compiled code that is kept; presses the foot once."""
+    from pydrake.solvers import ClarabelSolver, IpoptSolver, NloptSolver, SnoptSolver
+
+    import vsf_drake.systems  # noqa: F401 (before what is ours: Drake looks through all modules for each template)
+    from vsf_drake.analysis.bench_metrics import bench_table
+    from vsf_drake.laws.compiled import kept_code
+    from vsf_drake.parameters import ModelParameters
+    from vsf_drake.simulation.archive import provenance
+    from vsf_drake.simulation.bench import run_bench
+
+    before = kept_code()
+    try:
+        pressed = bench_table(run_bench(ModelParameters(), fulcrums_m=[0.108], heel=False))
+        stiffness, broken = pressed.settings[0].stiffness_n_per_mm, ""
+    except SimulationError as error:
+        stiffness, broken = None, str(error)
+    solvers = {solver.solver_id().name(): solver.available() and solver.enabled()
+               for solver in (SnoptSolver(), IpoptSolver(), NloptSolver(), ClarabelSolver())}
+    print_text("doctor", python=sys.executable, system=platform.platform(), versions=provenance()["versions"],
+               cores=os.cpu_count(), usable=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None,
+               solvers=solvers, lacking=_lacking(), before=before, after=kept_code(), stiffness=stiffness)
+    if broken or not all(solvers.values()):
+        fail(broken or "a solver that Drake's own wheel has is missing: install Drake from PyPI")
+        sys.exit(SimulationError.exit_code)
+
+
+def _lacking() -> dict[str, list[str]]:
+    """By optional group the packages that are not installed; none of a group that is complete."""
+    groups: dict[str, list[str]] = {}
+    for line in importlib.metadata.requires("vsf-drake") or ():
+        found = _REQUIREMENT.match(line)
+        if found and found["extra"] in _FOR_USERS and found["name"] != "vsf-drake":
+            try:
+                importlib.metadata.version(found["name"])
+            except importlib.metadata.PackageNotFoundError:
+                groups.setdefault(found["extra"], []).append(found["name"])
+    return groups
