@@ -162,7 +162,7 @@ def test_a_walk_in_which_the_intact_foot_never_swings_free_is_left_alone(walker,
 # Discrepancy.
 
 
-def curve_of(values, fulcrum_m, name="0", plate=np.zeros(101)):
+def curve_of(values, fulcrum_m, name="0", plate=(0.0,) * 101):
     """The same (101,) BW in every component."""
     series, alone = (tuple(map(float, each)) for each in (values, plate))
     return DiscrepancyCurve(fingerprint=name * 64, fulcrum_m=fulcrum_m, measured_bw=series,

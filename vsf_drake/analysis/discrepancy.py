@@ -20,9 +20,9 @@ and 0.7 were as good; a third was predicted with it.
 
 The model is Kennedy & O'Hagan 2001 (Bayesian calibration of computer models, J. R. Stat. Soc. B 63, 425-464,
 doi 10.1111/1467-9868.00294): observation = scale factor * code + discrepancy + error, the discrepancy a Gaussian
-process that is independent of the code. Of the paper its summary was read, of that model the account in Learning from Data for
-Physicists (nucleartalent.github.io/LFD_for_Physicists, "The KOH and BOH frameworks"). What is left out takes the place
-of their posterior.
+process that is independent of the code. Of the paper its summary was read, of that model the account in Learning from
+Data for Physicists (nucleartalent.github.io/LFD_for_Physicists, "The KOH and BOH frameworks"). What is left out takes
+the place of their posterior.
 """
 
 from __future__ import annotations
