@@ -14,10 +14,15 @@ author = "The vsf_drake authors"
 project_copyright = author
 version = release = vsf_drake.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "vsf_docs"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "vsf_docs"]
 exclude_patterns = ["_build"]
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
+
+nb_execution_mode = "force"  # the notebooks, which have no results in the repository
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_output_stderr = "remove"
 
 default_role = "name"  # `name` in a docstring: a link where the name is known, code where not
 autodoc_typehints = "none"

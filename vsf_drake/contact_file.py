@@ -27,7 +27,7 @@ import functools
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -118,14 +118,21 @@ class MomentumBias:
 @dataclass(frozen=True, kw_only=True)
 class DiscrepancyCurve:
     """Plate less model of one fitted recording at 0 ... 100 % of the model's stance, in the walk's own axes;
-    `measured_bw` is the plate's resultant at 0 ... 100 % of the measured stance, the null model of other recordings."""
+    `plate_*` is the plate alone; `measured_bw` its resultant at 0 ... 100 % of the measured stance, the null model of
+    other recordings."""
 
     fingerprint: str
     fulcrum_m: float = quantity(unit="m", low=0.0, high=1.0, source="the trial's manifest")
     fore_aft_bw: tuple[float, ...] = _force()
     lateral_bw: tuple[float, ...] = _force()
     vertical_bw: tuple[float, ...] = _force()
+    plate_fore_aft_bw: tuple[float, ...] = _force()
+    plate_lateral_bw: tuple[float, ...] = _force()
+    plate_vertical_bw: tuple[float, ...] = _force()
     measured_bw: tuple[float, ...] = _force()
+
+
+CURVES = tuple(one.name for one in fields(DiscrepancyCurve) if one.name.endswith("_bw"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,7 +243,7 @@ def _check_learned(contact: FittedContact, file: str | Path | None) -> None:
         for i, curve in enumerate(discrepancy.curves):
             named[f"discrepancy.curves[{i}].fingerprint"] = curve.fingerprint
             series |= {f"discrepancy.curves[{i}].{name}": (getattr(curve, name), STANCE_POINTS)
-                       for name in ("fore_aft_bw", "lateral_bw", "vertical_bw", "measured_bw")}
+                       for name in CURVES}
     prints = [trial.fingerprint for trial in contact.trials]
     for where, text in named.items():
         errors.require(text in prints, "is none of the recordings under trials", where, file=file)

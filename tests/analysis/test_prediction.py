@@ -14,7 +14,14 @@ from made_contact import made_contact
 from made_fit import made_layer_row, made_layers, recording
 
 from vsf_drake.analysis.comparison import PERCENT
-from vsf_drake.analysis.discrepancy import COMPONENTS, earned, interpolated
+from vsf_drake.analysis.discrepancy import (
+    CODE_SCALE,
+    COMPONENTS,
+    beside_the_plates,
+    earned,
+    interpolated,
+    over_stances,
+)
 from vsf_drake.analysis.momentum import PRIOR, SIGMA_BW, MomentumCorrection, missed, needed_force, swings
 from vsf_drake.analysis.prediction import MOMENTUM, PHYSICS, layer_sentences, layers_of, learned, predict
 from vsf_drake.contact_file import Discrepancy, DiscrepancyCurve, FittedTrial, MomentumBias
@@ -155,11 +162,11 @@ def test_a_walk_in_which_the_intact_foot_never_swings_free_is_left_alone(walker,
 # Discrepancy.
 
 
-def curve_of(values, fulcrum_m, name="0"):
+def curve_of(values, fulcrum_m, name="0", plate=(0.0,) * 101):
     """The same (101,) BW in every component."""
-    series = tuple(map(float, values))
+    series, alone = (tuple(map(float, each)) for each in (values, plate))
     return DiscrepancyCurve(fingerprint=name * 64, fulcrum_m=fulcrum_m, measured_bw=series,
-                            **dict.fromkeys(COMPONENTS, series))
+                            **dict.fromkeys(COMPONENTS, series), **{f"plate_{part}": alone for part in COMPONENTS})
 
 
 SHAPE = 0.1 * np.sin(np.pi * PERCENT / 100.0)
@@ -181,13 +188,33 @@ def test_noise_earns_nothing():
 
 
 def test_a_discrepancy_goes_to_another_setting_only_if_the_settings_share_it():
-    alike = earned([curve_of(SHAPE, 0.066), curve_of(SHAPE, 0.151)])
-    opposite = earned([curve_of(SHAPE, 0.066), curve_of(-SHAPE, 0.151)])
-    assert interpolated(alike, 0.108).max() > 0.7 * SHAPE.max()
-    np.testing.assert_allclose(interpolated(opposite, 0.108), 0.0, atol=1e-4)
+    alike = earned([curve_of(SHAPE, x) for x in (0.066, 0.108, 0.151)])
+    opposite = earned([curve_of(sign * SHAPE, x) for sign, x in ((1.0, 0.066), (-1.0, 0.108), (1.0, 0.151))])
+    assert interpolated(alike, 0.087).max() > 0.7 * SHAPE.max()
+    np.testing.assert_allclose(interpolated(opposite, 0.087), 0.0, atol=1e-4)
     np.testing.assert_allclose(interpolated(opposite, 0.066), 0.0, atol=1e-12, err_msg="no setting was tried twice")
+    two = earned([curve_of(SHAPE, 0.066), curve_of(SHAPE, 0.151)])
+    np.testing.assert_allclose(interpolated(two, 0.108), 0.0, atol=1e-12, err_msg="each was told by one trial")
     twice = earned([curve_of(sign * SHAPE, x) for sign, x in ((1.0, 0.066), (-1.0, 0.151)) for _ in range(2)])
     np.testing.assert_allclose(interpolated(twice, 0.066)[:, 2], SHAPE, rtol=1e-6, atol=1e-9)
+
+
+def test_a_prediction_is_so_much_of_the_model_and_the_rest_of_the_fitted_plates_linear_between_settings(walker, trial):
+    """Plates of 0 and 1 BW at two settings, no discrepancy: in stance the force is CODE_SCALE of the model's and the
+    rest of what lies between; beyond the settings the plates fade, outside of stance there are none."""
+    known = Discrepancy(shared=(0.0,) * 3, own=(0.0,) * 3, curves=tuple(
+        curve_of(np.zeros(101), x, plate=np.full(101, load)) for x, load in ((0.066, 0.0), (0.106, 1.0))))
+    comparison = predict(trial, bare(trial), walker=walker, step_s=STEP_S).comparisons[MOMENTUM]
+    weight = trial.subject.mass_kg * GRAVITY
+    inside = over_stances(comparison, np.ones((101, 3)))[:, 0] > 0.0
+    assert inside.any() and not inside.all()
+    for fulcrum_m, load in ((0.066, 0.0), (0.096, 0.75), (0.106, 1.0)):
+        force = beside_the_plates(comparison, known, fulcrum_m, weight)
+        np.testing.assert_allclose(force[inside], CODE_SCALE * comparison.model[inside]
+                                   + (1.0 - CODE_SCALE) * load * weight, atol=1e-9 * weight)
+        np.testing.assert_array_equal(force[~inside], comparison.model[~inside])
+    far = beside_the_plates(comparison, known, 0.151, weight)
+    np.testing.assert_allclose(far, comparison.model, atol=1e-4 * weight)
 
 
 def test_a_trial_that_taught_its_whole_error_is_predicted_without_one(walker, trial):
@@ -226,15 +253,16 @@ def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
     for words in ("6.0 % body weight off by physics alone", "5.0 % with the person's own momentum",
                   "5.5 % with the disc", "3.0 % off with the measured times", "4.0 % with those",
                   "earn physics and momentum, below the stretched curve in 0 of 2",
-                  "does not correct low_3: the recorded motion", "10, 20, 30 %",
-                  "what one has to itself could not be tried"):
+                  "does not correct low_3: the recorded motion", "30 % of their curves",
+                  "fewer than three settings were fitted, and none twice"):
         assert words in text
     assert made_layers(made_layer_row("a", (0.05,) * 3)).earned == "physics", "a layer that does nothing earns nothing"
     alone = made_layers(replace(first, correction=MomentumCorrection(believed=False, why_not="spread")), untried=False)
     text = " ".join(layer_sentences(alone))
     assert alone.earned is None and "held-out" not in text and "corrects none of the trials" in text
-    assert "Another trial of the same setting shares 60, 60, 60 %" in text
-    known = replace(table.discrepancy, curves=table.discrepancy.curves[:1])
+    assert "To another trial of the same setting 60, 60, 60 %" in text and "left out" not in text
+    curve = table.discrepancy.curves[0]
+    known = replace(table.discrepancy, curves=tuple(replace(curve, fulcrum_m=x) for x in (0.066, 0.108, 0.151)))
     text = " ".join(layer_sentences(replace(table, discrepancy=known)))
-    assert "one setting: their discrepancy is not added at another" in text and "left out" not in text
+    assert "To a setting that was left out 10, 20, 30 % of it" in text
     assert json.loads(json.dumps(plain(table))) == plain(table)

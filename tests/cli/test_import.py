@@ -10,6 +10,7 @@ from command_line import exit_code, read_json
 from made_laboratory import MADE, STATED, Laboratory, leftovers
 from made_person import Person
 
+from vsf_drake.files import resource
 from vsf_drake.laws.beam import combined_stiffness, section_inertia
 from vsf_drake.motion.trial import load_trial
 from vsf_drake.parameters import ModelParameters
@@ -128,6 +129,26 @@ def test_what_cannot_be_used_ends_with_one_message_and_leaves_nothing(run, labor
     code, _, err = run("import", standing, *bare, "--out", out, *STATED)
     assert code == 2 and all(name in err for name in ("bare1.trc", "bare2.trc", "--forces"))
     assert not out.exists() and not leftovers(tmp_path)
+
+
+def test_the_sample_c3d_files_come_back_as_the_walks_they_were_made_of(run, tmp_path):
+    """Two routes to one walk: plates as six channels in C3D, force and centre of pressure in the table beside; markers
+    in C3D, and the angles that placed them. All of it says that nobody walked."""
+    folder = resource("data/reference_subject")
+    code, said, _ = run("import", folder / "c3d/static.c3d", folder / "c3d/medium_1.c3d", "--subject",
+                        folder / "subject.yaml", "--fulcrum-mm", 108, "--synthetic", "--out", tmp_path / "out")
+    assert code == 0 and "medium_1 (SYNTHETIC): good" in said
+    found, made = load_trial(tmp_path / "out/medium_1.yaml"), load_trial(folder / "exact/medium_1.yaml")
+    assert found.synthetic and "SYNTHETIC" in (tmp_path / "out/import.html").read_text()
+    time = np.linspace(0.4, 1.0, 61)
+    for column in range(3):
+        ours, theirs = (np.interp(time, trial.prosthetic_plate.time_s, trial.prosthetic_plate.force_W[:, column])
+                        for trial in (found, made))
+        np.testing.assert_allclose(ours, theirs, atol=1.0)
+    names = ("hip_flexion_r", "knee_angle_r", "hip_flexion_l")
+    ours, theirs = (np.array([np.interp(time, trial.trajectory.time_s, column) for column in trial.trajectory.ordered(
+        names).values.T]) for trial in (found, made))
+    assert np.degrees(np.abs(ours - theirs)).max() < 0.8, "the filter of the markers and the hip's regression"
 
 
 def test_check_goes_on_past_a_bad_manifest(run, tmp_path, trial_files):

@@ -36,7 +36,9 @@ OWN = FittedTrial(name="low 1", fingerprint=FINGERPRINT, height_m=5e-4,
 MOMENTUM = MomentumBias(fore_aft_bw=(-0.01, 0.02, 1 / 30), vertical_bw=(0.0, 0.01, -0.02), trials=(FINGERPRINT,))
 DISCREPANCY = Discrepancy(shared=(0.0, 0.1, 1 / 3), own=(0.6, 0.5, 0.4), curves=(DiscrepancyCurve(
     fingerprint=FINGERPRINT, fulcrum_m=0.066, fore_aft_bw=(1 / 300,) * STANCE_POINTS,
-    lateral_bw=(0.0,) * STANCE_POINTS, vertical_bw=(-0.01,) * STANCE_POINTS, measured_bw=(1.01,) * STANCE_POINTS),))
+    lateral_bw=(0.0,) * STANCE_POINTS, vertical_bw=(-0.01,) * STANCE_POINTS, measured_bw=(1.01,) * STANCE_POINTS,
+    plate_fore_aft_bw=(0.02,) * STANCE_POINTS, plate_lateral_bw=(0.01,) * STANCE_POINTS,
+    plate_vertical_bw=(1.0,) * STANCE_POINTS),))
 
 
 def made_contact(**changes: Any) -> FittedContact:

@@ -18,12 +18,11 @@ from vsf_drake.analysis.contact_fit.table import (
     ParameterRow,
     SmoothErrorRow,
 )
-from vsf_drake.analysis.discrepancy import COMPONENTS
 from vsf_drake.analysis.fulcrum_sweep import swept
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.analysis.momentum import MomentumCorrection
 from vsf_drake.analysis.prediction import LAYERS, LayerScore, LayerTable, TrialLayers
-from vsf_drake.contact_file import Discrepancy, DiscrepancyCurve
+from vsf_drake.contact_file import CURVES, Discrepancy, DiscrepancyCurve
 from vsf_drake.files import resource
 from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.parameters import Subject
@@ -120,7 +119,7 @@ def made_layer_row(
 def made_layers(*rows: TrialLayers, **changes: Any) -> LayerTable:
     """Trials in layers, and a discrepancy of two settings."""
     curves = tuple(DiscrepancyCurve(fingerprint="0" * 64, fulcrum_m=x, **dict.fromkeys(
-        (*COMPONENTS, "measured_bw"), (0.0,) * 101)) for x in (0.066, 0.151))
+        CURVES, (0.0,) * 101)) for x in (0.066, 0.151))
     return replace(LayerTable(trials=rows, momentum=None, untried=True, discrepancy=Discrepancy(
         curves=curves, shared=(0.1, 0.2, 0.3), own=(0.5, 0.4, 0.3))), **changes)
 

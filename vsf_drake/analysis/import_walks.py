@@ -47,6 +47,7 @@ class ImportOptions(TrialOptions):
     scale_prosthesis: bool = False  # whether the model's prosthetic foot becomes as long as the person's
     inverse_kinematics: bool = False  # whether the angles are those of a global inverse kinematics
     around_stances_s: float | None = AROUND_STANCES_S
+    synthetic: bool = False  # nobody walked
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +104,8 @@ def import_walks(files: FileSet, options: ImportOptions, *, progress: Callable[[
         try:
             check_mass(trial, file=walk)
             notes = tuple(dict.fromkeys((*beside, *model_notes, *scaling, *trial.notes)))
-            items.append(examine(dataclasses.replace(trial, notes=notes), cutoff_hz=options.cutoff_hz,
-                                 stated=_statements(trials[0], standing, person),
+            told = dataclasses.replace(trial, notes=notes, synthetic=options.synthetic)
+            items.append(examine(told, cutoff_hz=options.cutoff_hz, stated=_statements(trials[0], standing, person),
                                  belt_speed_m_per_s=options.belt_speed_m_per_s))
             names.append(name)
         except InputError as error:

@@ -1,8 +1,8 @@
 """A prediction in three layers, of a walk whose plate was not used.
 
 *Physics*: the fitted foot under the recorded motion. *Momentum*: the same, corrected for this trial so that the foot
-carries the person while the intact foot swings (`momentum`). *Discrepancy*: with what the fitted trials' plates have
-beyond that, as far as it was earned (`discrepancy`).
+carries the person while the intact foot swings (`momentum`). *Discrepancy*: with what the fitted trials' plates tell
+beyond that (`discrepancy`).
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ import numpy as np
 
 from vsf_drake.analysis.comparison import PERCENT, Comparison, compare
 from vsf_drake.analysis.discrepancy import (
+    CODE_SCALE,
     COMPONENTS,
+    LEAST_SETTINGS,
+    beside_the_plates,
     earned,
-    interpolated,
-    over_stances,
-    remaining,
+    over_percent,
     settings_of,
 )
 from vsf_drake.analysis.metrics import agreement, null_model_rmse, stance_curve
@@ -41,7 +42,7 @@ class LayeredWalk:
     comparisons: Mapping[str, Comparison]
     results: Mapping[str, WalkResult]  # the discrepancy has that of the momentum: it moves no centre of pressure
     correction: MomentumCorrection
-    added_bw: np.ndarray  # (101, 3) discrepancy that was added over the model's stance; zeros where none was earned
+    added_bw: np.ndarray  # (101, 3) what the fitted plates add over the model's stance; zeros without any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,13 +115,13 @@ def predict(
     if correction.believed:
         c = correction.height_m, correction.hip_flexion_rad, correction.knee_angle_rad, correction.alignment_rad
         second = _compared(walker, trial, with_corrections(errors, trial, np.array(c)), step_s)
-    added = np.zeros((len(PERCENT), 3))
+    third, weight = second[0], trial.subject.mass_kg * GRAVITY
     if contact.discrepancy is not None:
-        added = interpolated(contact.discrepancy, trial.fulcrum_m)
-    third = replace(second[0], model=second[0].model + trial.subject.mass_kg * GRAVITY * over_stances(
-        second[0], added))
+        third = replace(third, model=beside_the_plates(third, contact.discrepancy, trial.fulcrum_m, weight))
+    added = over_percent(third, (third.model - second[0].model) / weight)
     return LayeredWalk(
-        comparisons=dict(zip(LAYERS, (physics, second[0], third), strict=True)), correction=correction, added_bw=added,
+        comparisons=dict(zip(LAYERS, (physics, second[0], third), strict=True)), correction=correction,
+        added_bw=np.zeros((len(PERCENT), 3)) if added is None else added,
         results=dict(zip(LAYERS, (result, second[1], second[1]), strict=True)))
 
 
@@ -130,13 +131,16 @@ def learned(contact: FittedContact, trials: Sequence[Trial], *, walker: Walker, 
     contact = replace(contact, momentum=bias_of(walker, applied), discrepancy=None)
     curves = []
     for text, trial in applied.items():
-        walk = predict(trial, contact, walker=walker, step_s=step_s)
-        delta = remaining(walk.comparisons[MOMENTUM], trial.subject.mass_kg * GRAVITY)
+        walk = predict(trial, contact, walker=walker, step_s=step_s).comparisons[MOMENTUM]
+        weight = trial.subject.mass_kg * GRAVITY
+        plate, model = (over_percent(walk, force / weight) for force in (walk.measured, walk.model))
         measured = stance_curve(trial.prosthetic_plate, subject_mass_kg=trial.subject.mass_kg)
-        if delta is not None and measured is not None:
-            curves.append(DiscrepancyCurve(
-                fingerprint=text, fulcrum_m=trial.fulcrum_m, measured_bw=tuple(measured.tolist()),
-                **{name: tuple(column.tolist()) for name, column in zip(COMPONENTS, delta.T, strict=True)}))
+        if plate is not None and model is not None and measured is not None:
+            columns = {f"{whose}{name}": tuple(column.tolist())
+                       for whose, found in (("", plate - model), ("plate_", plate))
+                       for name, column in zip(COMPONENTS, found.T, strict=True)}
+            curves.append(DiscrepancyCurve(fingerprint=text, fulcrum_m=trial.fulcrum_m,
+                                           measured_bw=tuple(measured.tolist()), **columns))
     return replace(contact, discrepancy=earned(curves)) if curves else contact
 
 
@@ -190,7 +194,8 @@ def layer_sentences(table: LayerTable) -> list[str]:
         null_predicted=float(np.mean(nulls[1])) if nulls[1] else None,
         refused=[row for row in rows if not row.correction.believed],
         believed=[row for row in rows if row.correction.believed],
-        one_setting=not settings_of(positions)[0].any(), shares=known and [100.0 * share for share in known.shared],
+        few_settings=len(np.unique(settings_of(positions)[0], axis=0)) < LEAST_SETTINGS, code_scale=CODE_SCALE,
+        shares=known and [100.0 * share for share in known.shared],
         own=known and [100.0 * (a + b) for a, b in zip(known.shared, known.own, strict=True)])
 
 

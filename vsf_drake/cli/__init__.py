@@ -13,10 +13,10 @@ from vsf_drake.errors import InputError, VsfError, interrupted_lately, note_inte
 
 RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
 GUIDES = {
-    "bench": "commands", "simulate": "trials", "validate": "validate", "report": "results", "import": "laboratory_files",
-    "check": "trials", "sweep": "sweep", "fit": "fit", "tune": "tune", "schedule": "tune", "show": "drake",
-    "export": "drake", "stand": "files_and_units", "doctor": "commands"}
-"""Commands in the order of --help and of docs/guide/commands.md, and the page of docs/guide that says what they take."""
+    "bench": "commands", "simulate": "trials", "validate": "validate", "report": "results",
+    "import": "laboratory_files", "check": "trials", "sweep": "sweep", "fit": "fit", "tune": "tune", "schedule": "tune",
+    "show": "drake", "export": "drake", "stand": "files_and_units", "doctor": "commands"}
+"""Commands as --help and docs/guide/commands.md order them; the page of docs/guide that says what each takes."""
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
 

@@ -55,6 +55,8 @@ def import_trials(
     scale_prosthesis: Annotated[bool, typer.Option(
         "--scale-prosthesis", help="Make the model's prosthetic foot as long as the recorded one.")] = False,
     ik: Annotated[bool, typer.Option("--ik", help="Refine the angles by a global inverse kinematics.")] = False,
+    synthetic: Annotated[bool, typer.Option(
+        "--synthetic", help="Nobody walked this: all results then say SYNTHETIC.")] = False,
 ) -> None:
     """Turns recordings of a person with markers over force plates into trials that drive the model."""
     if list_markers is not None:
@@ -88,7 +90,8 @@ def import_trials(
         cutoff_hz=None if already_filtered else cutoff_hz, longest_gap_s=longest_gap_s,
         plate_sides={"right": right_plate, "left": left_plate} if right_plate or left_plate else None,
         window=None if window is None else Window(start_s=window[0], end_s=window[1]),
-        belt_speed_m_per_s=belt_speed_m_per_s, scale_prosthesis=scale_prosthesis, inverse_kinematics=ik)
+        belt_speed_m_per_s=belt_speed_m_per_s, scale_prosthesis=scale_prosthesis, inverse_kinematics=ik,
+        synthetic=synthetic)
     with progress() as show:
         imported = import_walks(gather(files[0], files[1:], forces or ()), options, progress=show)
         show("writing the report", 0.95)

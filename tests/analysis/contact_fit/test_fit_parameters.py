@@ -176,48 +176,6 @@ def test_keel_and_support_are_sought_only_where_a_bench_tells_them(variables):
 
 
 @pytest.mark.parametrize("damping_by_zone", [False, True])
-@pytest.mark.parametrize("label", ["soft", None])
-def test_derivatives_of_every_parameter_are_those_of_differences(variables, soft, damping_by_zone, label):
-    parameters = everything(variables, damping_by_zone=damping_by_zone)
-    walk = TrialMap(parameters, variables, label, soft)
-    u = somewhere(parameters)
-    at, step = walk.at(u), 1e-5
-    assert set(at.names) <= set(at.values)
-    for p, name in enumerate(parameters.names):
-        moved = [walk.at(u + sign * step * np.eye(len(u))[p]).values for sign in (-1.0, 1.0)]
-        for variable in at.values:
-            wanted = (moved[1][variable] - moved[0][variable]) / (2.0 * step)
-            exact = at.by[at.names.index(variable), p] if variable in at.names else 0.0
-            size = abs(at.values[variable]) or 1.0
-            assert exact == pytest.approx(wanted, rel=1e-7, abs=1e-9 * size), (name, variable)
-
-
-def test_the_start_is_the_models_own_foot_but_for_exponents_that_may_fall(variables):
-    """Where the model's law is linear, the start has its force at the depth that counts and exponent 1.2."""
-    parameters = standard_parameters(variables, "right", ["soft"])
-    assert all(item.start == item.mean for item in parameters.items)
-    k, n, b = (variables[f"contact.forefoot.{name}"].default for name in ("stiffness", "exponent", "damping"))
-    damping_time = parameters.by_name["contact.damping_time"].mean
-    assert damping_time == pytest.approx(b / (k * n * REFERENCE_DEPTH_M ** (n - 1.0)))
-    values = TrialMap(parameters, variables, "soft", None).at(parameters.start).values
-    for zone in ZONES:
-        k, n = (values[f"contact.{zone}.{name}"] for name in ("stiffness", "exponent"))
-        own = {name: variables[f"contact.{zone}.{name}"].default for name in ("stiffness", "exponent")}
-        assert n == max(own["exponent"], 1.2)
-        assert k * REFERENCE_DEPTH_M**n == pytest.approx(own["stiffness"] * REFERENCE_DEPTH_M ** own["exponent"])
-    of_laws = tuple(f"contact.{zone}.{name}" for zone in ZONES for name in ("stiffness", "exponent", "damping"))
-    others = {name: value for name, value in values.items() if name in variables and name not in of_laws}
-    assert others == pytest.approx({name: variables[name].default for name in others})
-
-
-def test_the_sockets_flexion_is_sought_only_where_two_trials_tell_it_from_the_alignment(variables):
-    for labels, told in ((("one",), ["tz"]), (("one", "other"), ["flexion", "tz"])):
-        found = standard_parameters(variables, "right", labels=labels)
-        assert sorted(item.name.split(".")[1] for item in found.free if item.name.startswith("socket.")) == told
-
-
-
-@pytest.mark.parametrize("damping_by_zone", [False, True])
 def test_law_has_its_force_and_its_damping_at_the_reference_depth(variables, damping_by_zone):
     parameters = everything(variables, damping_by_zone=damping_by_zone)
     u = somewhere(parameters, seed=1)

@@ -34,6 +34,7 @@ from vsf_drake.analysis.contact_fit.solution import (
 )
 from vsf_drake.analysis.contact_fit.solve import FitSearch, Uncertainty
 from vsf_drake.analysis.prediction import LayerTable
+from vsf_drake.contact_file import CURVES
 from vsf_drake.files import plain
 from vsf_drake.motion.trajectory import periodic_bsplines
 from vsf_drake.motion.trial import Trial
@@ -177,7 +178,7 @@ def fit_json(table: FitTable) -> dict[str, Any]:
     if table.layers is not None:
         values["layers"] |= {"earned": table.layers.earned}
         for curve in (values["layers"]["discrepancy"] or {}).get("curves", ()):  # whole in the contact file
-            for name in ("fore_aft_bw", "lateral_bw", "vertical_bw", "measured_bw"):
+            for name in CURVES:
                 del curve[name]
     paper, known, ratios = table.paper, values.pop("uncertainty"), values.pop("noise_ratios")
     del values["paper"]
