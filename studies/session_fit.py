@@ -5,9 +5,10 @@ else told: judged by all other trials of the session, by the other speeds where 
 by the session of another day, measured anew. The passive foot of C is fitted to two trials of three without a bench.
 Every trial is predicted in three layers (physics, the person's own momentum, the fitted trials' discrepancy), the
 held-out ones of the session also with errors of hip and knee of their own. Beside each error stand the null model (the
-measured curve of a fitted trial, stretched to the measured times of stance, or to those that the physics predicts) and
-the floors of data/sessions/README.md. `third_person` has C's means by the layer that C's held-out trials earn, and by
-each.
+measured curve of a fitted trial, stretched to the measured times of stance, or to those that the physics predicts; or
+one interpolated between the fitted settings) and the floors of data/sessions/README.md. `code_scale` has A's and B's
+mean errors held out by the share of the model in the third layer, which was chosen by them. `third_person` has C's
+means by the layer that C's held-out trials earn, and by each.
 
 The first day's fits of A, B and C are made with ten seeds, which draw where the searches begin: `fits` of these
 `converged`. `ends` tells how far apart the ten end. `interval_coverage` is the share of true values in the 95 %
@@ -35,6 +36,7 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -46,6 +48,7 @@ from make_reference_subject import DATA as REFERENCE
 from make_sessions import DATA, EMBEDDED, SPEEDS, draws, session
 from virtual_laboratory.truth import true_values
 
+from vsf_drake.analysis import discrepancy
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions, ContactFitSolution, assess, solve
 from vsf_drake.analysis.contact_fit.assessment import HELD_OUT
 from vsf_drake.analysis.contact_fit.solution import JointEnd
@@ -62,7 +65,9 @@ from vsf_drake.simulation.walk import Walker
 
 PARTS = Path("results/session_fit")
 SEED, SEEDS = 0, 10
-NULLS = ("null_model_grf_rmse_bw", "null_model_predicted_times_grf_rmse_bw")
+NULLS = ("null_model_grf_rmse_bw", "null_model_predicted_times_grf_rmse_bw", "null_model_interpolated_grf_rmse_bw")
+CODE_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4)
+"""Of the model in the third layer, tried on A and B."""
 SCORES = tuple(field.name for field in fields(LayerScore))
 THIRD = "c_day_1"
 QUICK = {"starts": 1, "tolerance": 0.01, "step_s": 4e-3, "report_step_s": 8e-3}
@@ -186,7 +191,18 @@ def run(case: Case, data: Path, quick: bool) -> dict[str, Any]:
             "earned": judged.layers.earned,
             "momentum": plain(contact.momentum), "angle_errors": plain(judged.angle_errors),
             "discrepancy": contact.discrepancy and {name: getattr(contact.discrepancy, name)
-                                                    for name in ("shared", "own")}}
+                                                    for name in ("shared", "own")},
+            "code_scale": {} if quick or case.person == "c" else scaled(here, contact, step_s)}
+
+
+def scaled(trials: Sequence[Trial], contact: FittedContact, step_s: float) -> dict[str, float | None]:
+    """Mean error of the third layer over trials by CODE_SCALE."""
+    walker, found = walker_of(trials[0], contact), {}
+    for scale in CODE_SCALES:
+        with mock.patch.object(discrepancy, "CODE_SCALE", scale):
+            rows = [layers_of(trial, trial.name, contact, walker=walker, step_s=step_s) for trial in trials]
+        found[f"{scale:g}"] = mean_of(row.layers[LAYERS[-1]].grf_rmse_bw for row in rows)
+    return found
 
 
 def fit_of(case: Case, data: Path, quick: bool = False) -> ContactFit:
@@ -329,8 +345,9 @@ def means(trials: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
         if rows:
             layers = {layer: {
                 **{key: mean_of(row["layers"][layer][key] for row in rows) for key in SCORES},
-                "beats_null": sum(row["layers"][layer]["grf_rmse_bw"] < row[NULLS[0]] for row in rows
-                                  if row[NULLS[0]] is not None)} for layer in LAYERS}
+                **{of: sum(row["layers"][layer]["grf_rmse_bw"] < row[null] for row in rows if row[null] is not None)
+                   for of, null in (("beats_null", NULLS[0]), ("beats_interpolated_null", NULLS[2]))}}
+                for layer in LAYERS}
             found[name] = {"n": len(rows), "layers": layers,
                            **{key: mean_of(row.get(key) for row in rows) for key in (*NULLS, *FLOORS)}}
     return found
@@ -352,7 +369,7 @@ def third_person(part: dict[str, Any]) -> dict[str, Any] | None:
         "held_out_same_setting_grf_rmse_bw": mean[SAME]["layers"][layer]["grf_rmse_bw"],
         "held_out_unseen_setting_grf_rmse_bw": mean[UNSEEN]["layers"][layer]["grf_rmse_bw"],
         "null_model_grf_rmse_bw": mean[HELD_OUT][NULLS[0]],
-        "null_model_predicted_times_grf_rmse_bw": mean[HELD_OUT][NULLS[1]],
+        **{null: mean[HELD_OUT][null] for null in NULLS[1:]},
         "held_out_fore_aft_rmse_bw": mean[HELD_OUT]["layers"][layer]["fore_aft_rmse_bw"],
         "held_out_cop_rmse_fl": mean[HELD_OUT]["layers"][layer]["cop_rmse_fl"],
         "held_out_cop_lateral_rmse_fl": mean[HELD_OUT]["layers"][layer]["cop_ml_rmse_fl"],
@@ -364,7 +381,8 @@ def third_person(part: dict[str, Any]) -> dict[str, Any] | None:
 
 def text_table(fits: dict[str, dict[str, Any]]) -> str:
     """Lines for the screen: % body weight, centre of pressure % foot length."""
-    heads = (*(f"+ {layer}" for layer in LAYERS), "null", "null, pred.", "own floor", "CoP", "CoP lateral")
+    heads = (*(f"+ {layer}" for layer in LAYERS), "null", "null, pred.", "null, between", "own floor", "CoP",
+             "CoP lateral")
     lines = [f"{'fit':<18}{'judged by':<16}{'n':>4}" + "".join(f"{head:>15}" for head in heads)]
     for name, part in fits.items():
         if not part["converged"]:

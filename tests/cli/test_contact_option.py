@@ -46,7 +46,7 @@ def test_simulate_walks_on_the_fitted_contact_and_says_which(run, tmp_path, cont
 
 
 def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp_path):
-    """Two fitted recordings of another name taught a discrepancy of 5 % body weight at this setting, whole."""
+    """A fitted recording of another name taught a discrepancy of 5 % body weight at this setting, and its own curve."""
     path, curve = tmp_path / "contact.yaml", DISCREPANCY.curves[0]
     curve = dataclasses.replace(curve, fulcrum_m=0.151, vertical_bw=(0.05,) * 101, lateral_bw=(0.0,) * 101,
                                 fore_aft_bw=(0.0,) * 101)
@@ -61,9 +61,9 @@ def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp
     momentum = layers["layers"]["momentum"]
     assert f"with momentum {100 * momentum['grf_rmse_bw']:.1f} %, with discrepancy" in out
     assert "Momentum corrects nothing: no fitted trial tells" in out and max(map(len, out.splitlines()[:-1])) <= 80
-    assert layers["added_rms_bw"] == pytest.approx(0.05, rel=1e-6) and not layers["fitted"]
-    assert layers["layers"]["discrepancy"]["fore_aft_rmse_bw"] == found["fore_aft_rmse_bw"]
-    assert layers["layers"]["discrepancy"]["vertical_rmse_bw"] != found["vertical_rmse_bw"]
+    assert layers["added_rms_bw"] > 0.03 and not layers["fitted"]
+    for name in ("vertical_rmse_bw", "fore_aft_rmse_bw"):
+        assert layers["layers"]["discrepancy"][name] != found[name]
     assert layers["null_model_grf_rmse_bw"] > 0.0
     code, out, _ = run("simulate", TRIAL, *words, "--fulcrum-mm", "140")
     assert code == 0 and "layers of momentum and discrepancy are left out" in " ".join(out.split())

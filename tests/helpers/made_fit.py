@@ -112,7 +112,7 @@ def made_layer_row(
               for layer, error in zip(LAYERS, errors, strict=True)}
     return TrialLayers(
         label=label, fitted=fitted, fulcrum_mm=66.0, layers=scores, null_model_grf_rmse_bw=null, added_rms_bw=0.0,
-        null_model_predicted_times_grf_rmse_bw=null and null + 0.01,
+        null_model_predicted_times_grf_rmse_bw=null and null + 0.01, null_model_interpolated_grf_rmse_bw=null,
         correction=MomentumCorrection(**{"believed": True} | correction))
 
 

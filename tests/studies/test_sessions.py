@@ -67,7 +67,8 @@ def test_a_trial_is_judged_as_what_it_is_to_the_fit_and_means_are_over_these(mon
     for i, path in enumerate(wanted):
         physics, better = ({key: share * 0.01 * (i + 1) for key in session_fit.SCORES} for share in (1.0, 0.5))
         found = SimpleNamespace(layers={"physics": physics, "momentum": better, "discrepancy": better}, correction=None,
-                                null_model_grf_rmse_bw=0.025, null_model_predicted_times_grf_rmse_bw=0.03)
+                                null_model_grf_rmse_bw=0.025, null_model_predicted_times_grf_rmse_bw=0.03,
+                                null_model_interpolated_grf_rmse_bw=0.02)
         rows[path] = session_fit.row(case, data, SimpleNamespace(path=data / f"{path}.yaml", fulcrum_m=0.066), found)
     assert {path: row["role"] for path, row in rows.items()} == wanted
     found = session_fit.means(rows)

@@ -30,6 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.interpolate import interp1d
 
 from vsf_drake.analysis.comparison import PERCENT, Comparison, percent_instants
 from vsf_drake.contact_file import Discrepancy, DiscrepancyCurve
@@ -63,17 +64,24 @@ def beside_the_plates(comparison: Comparison, discrepancy: Discrepancy, fulcrum_
                       ) -> np.ndarray:
     """(n, 3) N of the force at a fulcrum position, from the corrected model's and what the fitted plates tell."""
     model = comparison.model + weight_n * over_stances(comparison, interpolated(discrepancy, fulcrum_m))
-    positions = np.array([curve.fulcrum_m for curve in discrepancy.curves])
-    settings = [np.flatnonzero(row) for row in np.unique(~settings_of(positions)[0], axis=0)]
-    settings.sort(key=lambda one: float(positions[one].mean()))
-    places = np.array([positions[one].mean() for one in settings])
-    plate = np.column_stack([[np.interp(fulcrum_m, places, column) for column in np.array([
-        np.mean([getattr(discrepancy.curves[i], f"plate_{name}") for i in one], axis=0) for one in settings]).T]
-        for name in COMPONENTS])
+    places, plate = between_settings(discrepancy, fulcrum_m, [f"plate_{name}" for name in COMPONENTS])
     beyond = max(places[0] - fulcrum_m, fulcrum_m - places[-1], 0.0)
     share = (1.0 - CODE_SCALE) * np.exp(-0.5 * (beyond / SETTING_M) ** 2)
     in_stance = over_stances(comparison, np.ones((len(PERCENT), 3)))
     return np.asarray(model + share * (weight_n * over_stances(comparison, plate) - in_stance * model))
+
+
+def between_settings(discrepancy: Discrepancy, fulcrum_m: float, names: Sequence[str]
+                     ) -> tuple[np.ndarray, np.ndarray]:
+    """Where the fitted settings lie, m, and (101, k) BW of the curves `names`, means of each setting and linear between
+    them."""
+    positions = np.array([curve.fulcrum_m for curve in discrepancy.curves])
+    settings = settings_of(positions)
+    places = np.array([positions[one].mean() for one in settings])
+    curves = np.array([[np.mean([getattr(discrepancy.curves[i], name) for i in one], axis=0) for name in names]
+                       for one in settings])
+    return places, interp1d(places, curves, axis=0)(np.clip(fulcrum_m, places[0], places[-1])).T if (
+        len(places) > 1) else curves[0].T
 
 
 def interpolated(discrepancy: Discrepancy, fulcrum_m: float) -> np.ndarray:
@@ -96,23 +104,23 @@ def _weights(positions_m: np.ndarray, fulcrum_m: float, shared: float, own: floa
     return np.asarray(np.linalg.solve(among, covariance(np.asarray(fulcrum_m))))
 
 
-def settings_of(positions_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n, n) whether two trials are of different settings, and (n,) whether another is of the same."""
-    apart = np.abs(positions_m[:, None] - positions_m) > 0.5 * SETTING_M
-    return apart, np.sum(~apart, axis=1) > 1
+def settings_of(positions_m: np.ndarray) -> list[np.ndarray]:
+    """Indices of the trials of each setting, from the softest on: positions without a gap of half of SETTING_M."""
+    order = np.argsort(positions_m, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(positions_m[order]) > 0.5 * SETTING_M) + 1)
 
 
 def earned(curves: Sequence[DiscrepancyCurve]) -> Discrepancy:
     """The discrepancy whose shares predict best what is left out: each trial of a setting that was fitted twice, from
     all others, and, of LEAST_SETTINGS or more, each setting from the other ones. Of equals the least share counts."""
     positions = np.array([curve.fulcrum_m for curve in curves])
-    apart, twice = settings_of(positions)
-    groups = [(np.arange(len(curves)) == i, np.arange(len(curves)) != i) for i in np.flatnonzero(twice)]
-    settings = np.unique(apart, axis=0)
-    several = len(settings) >= LEAST_SETTINGS
-    groups += [(~row, row) for row in settings if several]
+    settings, every = settings_of(positions), np.arange(len(curves))
+    twice, several = any(len(one) > 1 for one in settings), len(settings) >= LEAST_SETTINGS
+    left_out = [every == i for one in settings if len(one) > 1 for i in one]
+    left_out += [np.isin(every, one) for one in settings if several]
+    groups = [(out, ~out) for out in left_out]
     pairs = [(float(shared), float(own)) for shared in SHARES for own in SHARES if shared + own <= 1.0 + 1e-9
-             and (twice.any() or own == 0.0) and (several or shared == 0.0)]
+             and (twice or own == 0.0) and (several or shared == 0.0)]
     found = []
     for name in COMPONENTS:
         values = np.array([getattr(curve, name) for curve in curves])

@@ -18,6 +18,7 @@ from vsf_drake.analysis.discrepancy import (
     COMPONENTS,
     LEAST_SETTINGS,
     beside_the_plates,
+    between_settings,
     earned,
     over_percent,
     settings_of,
@@ -60,7 +61,8 @@ class LayerScore:
 @dataclass(frozen=True, kw_only=True)
 class TrialLayers:
     """One trial in layers, and the null model's error (BW) with the measured times of stance and with those that the
-    physics predicts; None where the file has no curve of another trial."""
+    physics predicts, and that of a curve interpolated between the fitted settings, measured times; None where the file
+    has no curve of another trial."""
 
     label: str
     fitted: bool
@@ -68,6 +70,7 @@ class TrialLayers:
     layers: Mapping[str, LayerScore]
     null_model_grf_rmse_bw: float | None
     null_model_predicted_times_grf_rmse_bw: float | None
+    null_model_interpolated_grf_rmse_bw: float | None
     correction: MomentumCorrection
     added_rms_bw: float  # root mean square of the discrepancy that was added
 
@@ -153,14 +156,19 @@ def layers_of(trial: Trial, label: str, contact: FittedContact, *, walker: Walke
         found = agreement(walk.comparisons[layer], trial.prosthetic_plate, body_weight_n=weight,
                           foot_length_m=walk.results[layer].foot_length_m)
         scores[layer] = LayerScore(**{field.name: getattr(found, field.name) for field in fields(LayerScore)})
-    measured = [np.array(curve.measured_bw) for curve in learned_of.curves if curve.fingerprint != own
-                ] if learned_of else []
-    nulls = [[error for curve in measured if (error := null_model_rmse(
-        walk.comparisons[PHYSICS], weight, curve, predicted=predicted)) is not None] for predicted in (False, True)]
+    others = tuple(curve for curve in learned_of.curves if curve.fingerprint != own) if learned_of else ()
+    nulls = [[error for curve in others if (error := null_model_rmse(
+        walk.comparisons[PHYSICS], weight, np.array(curve.measured_bw), predicted=predicted)) is not None]
+        for predicted in (False, True)]
+    between = None
+    if learned_of and others:
+        _, curves = between_settings(replace(learned_of, curves=others), trial.fulcrum_m, ["measured_bw"])
+        between = null_model_rmse(walk.comparisons[PHYSICS], weight, curves[:, 0])
     return TrialLayers(
         label=label, fitted=own in {one.fingerprint for one in contact.trials}, fulcrum_mm=1e3 * trial.fulcrum_m,
         layers=scores, correction=walk.correction, null_model_grf_rmse_bw=min(nulls[0], default=None),
         null_model_predicted_times_grf_rmse_bw=min(nulls[1], default=None),
+        null_model_interpolated_grf_rmse_bw=between,
         added_rms_bw=float(np.sqrt(np.mean(np.sum(walk.added_bw**2, axis=1)))))
 
 
@@ -175,14 +183,14 @@ def layer_table(
                  for trial, label in zip([*fitted, *held_out], labels, strict=True))
     curves = contact.discrepancy.curves if contact.discrepancy else ()
     return LayerTable(trials=rows, momentum=contact.momentum, discrepancy=contact.discrepancy,
-                      untried=not settings_of(np.array([curve.fulcrum_m for curve in curves]))[1].any())
+                      untried=all(len(one) < 2 for one in settings_of(np.array([c.fulcrum_m for c in curves]))))
 
 
 def layer_sentences(table: LayerTable) -> list[str]:
     """Which layer the held-out trials earn, and what keeps the others from it."""
     rows = [row for row in table.trials if not row.fitted] or [*table.trials]
     nulls = [[error for row in rows if (error := getattr(row, f"null_model_{name}grf_rmse_bw")) is not None]
-             for name in ("", "predicted_times_")]
+             for name in ("", "predicted_times_", "interpolated_")]
     known = table.discrepancy
     positions = np.array([curve.fulcrum_m for curve in known.curves] if known else [])
     judged = [(error, row.null_model_grf_rmse_bw) for row in rows if table.earned and (
@@ -192,9 +200,10 @@ def layer_sentences(table: LayerTable) -> list[str]:
         **{layer: table.mean(layer, "grf_rmse_bw") for layer in LAYERS},
         null=float(np.mean(nulls[0])) if nulls[0] else None, untried=table.untried,
         null_predicted=float(np.mean(nulls[1])) if nulls[1] else None,
+        null_between=float(np.mean(nulls[2])) if nulls[2] else None,
         refused=[row for row in rows if not row.correction.believed],
         believed=[row for row in rows if row.correction.believed],
-        few_settings=len(np.unique(settings_of(positions)[0], axis=0)) < LEAST_SETTINGS, code_scale=CODE_SCALE,
+        few_settings=len(settings_of(positions)) < LEAST_SETTINGS, code_scale=CODE_SCALE,
         shares=known and [100.0 * share for share in known.shared],
         own=known and [100.0 * (a + b) for a, b in zip(known.shared, known.own, strict=True)])
 

@@ -37,8 +37,9 @@ def _ended(signals: _Signals) -> int | str | None:
         from vsf_drake.cli import device, doctor, fit, recordings, stiffness_map, study, sweep, tune  # noqa: F401
         from vsf_drake.cli.app import app
 
+        order = {name: place for place, name in enumerate(GUIDES)}
         app.registered_commands.sort(
-            key=lambda each: list(GUIDES).index(str(each.name or getattr(each.callback, "__name__", ""))))
+            key=lambda each: order.get(str(each.name or getattr(each.callback, "__name__", "")), len(order)))
         app()
     except (SystemExit, KeyboardInterrupt) as ended:
         signals.answer_no_more()
