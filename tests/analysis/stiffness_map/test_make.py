@@ -89,9 +89,9 @@ def test_heels_of_a_grid_are_rolled_each_on_its_own_foot(monkeypatch):
 def test_bands_hold_85_percent_of_synthetic_feet_that_were_not_drawn_for_them(monkeypatch):
     monkeypatch.setattr(make, "HELD_OUT", 2)
     axes = {**SMALL, "fulcrum_mm": (66.0, 94.0, 122.0, 151.0)}
-    mapped = StiffnessMap(*make_map(MODEL, axes=axes, load=LOAD, draws=20, seed=1))
+    mapped = StiffnessMap(*make_map(MODEL, axes=axes, load=LOAD, draws=40, seed=1))
     held, of = 0, 0
-    for foot in make._drawn_feet(MODEL, 20, 2):
+    for foot in make._drawn_feet(MODEL, 40, 2):
         places = (75.0, 105.0, 140.0)
         for mm, reply in zip(places, roll_cells(foot, LOAD, [Cell(
                 mass_kg=90.0, slope_deg=0.0, fulcrum_mm=mm, alignment_deg=0.0, heel_ratio=1.0) for mm in places]),

@@ -40,7 +40,7 @@ from vsf_drake.simulation.walk import Walker
 
 STIFFNESS = ("N/mm", "forefoot stiffness in the testing machine, mean slope from 200 to 600 N")
 HELD_OUT = 40  # cells between those of the grid
-DRAWS = 20
+DRAWS = 40
 FULCRUMS = 9
 COARSE = {"mass_kg": 3, "slope_deg": 2, "fulcrum_mm": 5, "alignment_deg": 2, "heel_ratio": 2}
 """Values of each axis at which drawn contacts are rolled, its ends among them."""
