@@ -98,7 +98,8 @@ def test_one_varied_quantity_gets_a_figure_and_two_get_none(run, tmp_path):
     words = ("--vary", f"{STIFFNESS}=1e4,2e4", "--vary", "offset.height=-0.002,0.002")
     assert run("sweep", LOW, MEDIUM, "--out", out, "--workers", 1, "--parquet", *words)[0] == 0
     assert {"sweep.csv", "sweep.json", "sweep.parquet", "cache"} == {p.name for p in out.glob("[!.]*")}
-    assert pandas.read_parquet(out / "sweep.parquet")[STIFFNESS].tolist() == [float(row[STIFFNESS]) for row in rows(out)]
+    saved = pandas.read_parquet(out / "sweep.parquet")[STIFFNESS]
+    assert saved.tolist() == [float(row[STIFFNESS]) for row in rows(out)]
     found = [(float(row[STIFFNESS]), float(row["offset.height"])) for row in rows(out)]
     assert found == 2 * [(1e4, -2e-3), (1e4, 2e-3), (2e4, -2e-3), (2e4, 2e-3)]
 
