@@ -257,7 +257,7 @@ def standard_parameters(
     items += [own("keel.flexural_modulus", 0.2, "effective: it stands for what yields in one keel and its anchor",
                   frozen=not bench),
               # a bench's middle positions tell it from the keel
-              own("fulcrum.stiffness", 0.5, "a choice: the model's sinks 0.9 mm", frozen=not bench)]
+              own("fulcrum.stiffness", 0.6, "a choice: the model's sinks 0.9 mm", frozen=not bench)]
     share = min(variables[MU_KINETIC].default / variables[MU_STATIC].default, 1.0)
     # the paper's coefficients were given, not fitted; a foot that the recording drags along slips at 0.1 to 0.2 m/s
     items += [own(MU_STATIC, 0.5, "shoes on floors: 0.3 to 0.8 (a choice)", frozen=False),
