@@ -12,7 +12,17 @@ import typer.main
 
 from vsf_drake.analysis.tuning.schedule import _TaskFile
 from vsf_drake.bench_curves import _BenchFile
-from vsf_drake.cli import GUIDES, device, doctor, fit, recordings, study, sweep, tune  # noqa: F401 (each adds its commands)
+from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
+    GUIDES,
+    device,
+    doctor,
+    fit,
+    recordings,
+    stiffness_map,
+    study,
+    sweep,
+    tune,
+)
 from vsf_drake.cli.app import app
 from vsf_drake.contact_file import FittedContact
 from vsf_drake.ground import Ground

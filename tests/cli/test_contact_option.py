@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 
+import numpy as np
 import pytest
 import yaml
 from command_line import read_json
@@ -15,7 +16,9 @@ from vsf_drake.analysis.validation.study import embedded_contact_beside
 from vsf_drake.contact_file import save_contact
 from vsf_drake.files import resource, sha256
 from vsf_drake.motion.fitted_trial import fingerprint
+from vsf_drake.motion.formats.tables import read_storage
 from vsf_drake.motion.trial import load_trial
+from vsf_drake.simulation.results import load_walk
 
 TRIAL = resource("data/reference_subject/exact/high_1.yaml")
 SUBJECT = resource("data/reference_subject/subject.yaml")
@@ -32,9 +35,12 @@ def contact(tmp_path):
 
 
 def test_simulate_walks_on_the_fitted_contact_and_says_which(run, tmp_path, contact):
-    words = ("--contact", contact, "--no-replay", "--step-ms", "2")
+    words = ("--contact", contact, "--no-replay", "--step-ms", "2", "--opensim")
     code, _, _ = run("simulate", TRIAL, "--out", tmp_path / "walk", *words)
     assert code == 0
+    storage, walk = read_storage(tmp_path / "walk" / "walk_grf.mot"), load_walk(tmp_path / "walk")
+    vertical = storage.values[:, storage.names.index("ground_force_r_vy")]
+    np.testing.assert_allclose(vertical, walk.grf_W[:, 2], atol=0.01)  # OpenSim's y is up
     metrics = read_json(tmp_path / "walk" / "metrics.json")
     assert any("contact.yaml" in note and "with the height that was fitted to this trial" in note
                for note in metrics["notes"])

@@ -10,6 +10,7 @@ import sys
 import time
 
 import numpy as np
+import pandas
 import pytest
 from command_line import exit_code, read_json
 from sweep_files import copied, rows
@@ -95,8 +96,10 @@ def test_one_varied_quantity_gets_a_figure_and_two_get_none(run, tmp_path):
     assert "SYNTHETIC" in svg and load_trial(LOW).name in svg and "(mm)" in svg
     assert len(rows(out)) == 4
     words = ("--vary", f"{STIFFNESS}=1e4,2e4", "--vary", "offset.height=-0.002,0.002")
-    assert run("sweep", LOW, MEDIUM, "--out", out, "--workers", 1, *words)[0] == 0
-    assert {"sweep.csv", "sweep.json", "cache"} == {p.name for p in out.glob("[!.]*")}
+    assert run("sweep", LOW, MEDIUM, "--out", out, "--workers", 1, "--parquet", *words)[0] == 0
+    assert {"sweep.csv", "sweep.json", "sweep.parquet", "cache"} == {p.name for p in out.glob("[!.]*")}
+    saved = pandas.read_parquet(out / "sweep.parquet")[STIFFNESS]
+    assert saved.tolist() == [float(row[STIFFNESS]) for row in rows(out)]
     found = [(float(row[STIFFNESS]), float(row["offset.height"])) for row in rows(out)]
     assert found == 2 * [(1e4, -2e-3), (1e4, 2e-3), (2e4, -2e-3), (2e4, 2e-3)]
 

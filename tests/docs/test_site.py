@@ -17,6 +17,7 @@ import port_text
 import pytest
 from made_systems import public_diagrams, public_systems
 
+from vsf_drake.cli import GUIDES
 from vsf_drake.parameters import FulcrumParameters
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,7 +51,8 @@ def site(tmp_path_factory):
     done = subprocess.run([sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", source,
                            folder / "html"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert not done.stderr.strip()
+    of_kernels = ("[IPKernelApp]", "#")  # what the notebooks' kernels say of their ports and their start
+    assert not [line for line in done.stderr.splitlines() if line.strip() and not line.startswith(of_kernels)]
     return {path.relative_to(folder / "html").as_posix(): Page(path) for path in (folder / "html").rglob("*.html")}
 
 
@@ -70,6 +72,17 @@ def test_every_internal_link_leads_somewhere_and_no_page_names_the_machine_that_
             elif target in site and parts.fragment and unquote(parts.fragment) not in site[target].anchors:
                 dead.append(f"{name}: {link}")
     assert not dead, "\n".join(dead[:20])
+
+
+def test_every_command_and_every_key_of_a_file_is_in_the_reference(site):
+    """Of the commands those that --help lists; of the files some keys at any depth, and that a notebook has run."""
+    options, keys = ("".join(site[f"api/{name}.html"].text) for name in ("command_line", "yaml_files"))
+    assert all(f"vsf-drake {name}" in options for name in GUIDES) and "--hold-out" in options
+    for key in ("foot.keel.flexural_modulus_pa", "prosthesis.fulcrum_mm", "ground.patches[].slope_deg",
+                "forefoot[].fulcrum_mm", "tasks[].trials[]"):
+        assert key in keys, key
+    assert "Pa" in keys and "1e+06 to 1e+12" in keys
+    assert "fitted contact" in "".join(site["notebooks/walk_and_fit.html"].text)
 
 
 def test_every_public_system_and_diagram_has_its_page_with_its_ports(site):

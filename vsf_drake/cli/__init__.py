@@ -15,7 +15,7 @@ RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compile
 GUIDES = {
     "bench": "commands", "simulate": "trials", "validate": "validate", "report": "results",
     "import": "laboratory_files", "check": "trials", "sweep": "sweep", "fit": "fit", "tune": "tune", "schedule": "tune",
-    "show": "drake", "export": "drake", "stand": "files_and_units", "doctor": "commands"}
+    "map": "stiffness_map", "show": "drake", "export": "drake", "stand": "files_and_units", "doctor": "commands"}
 """Commands as --help and docs/guide/commands.md order them; the page of docs/guide that says what each takes."""
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
@@ -34,7 +34,7 @@ def main() -> None:
 def _ended(signals: _Signals) -> int | str | None:
     """Runs the command, and says what there is to say of how it ended; the exit code."""
     try:  # the commands are loaded here, where a signal already finds its answer
-        from vsf_drake.cli import device, doctor, fit, recordings, study, sweep, tune  # noqa: F401
+        from vsf_drake.cli import device, doctor, fit, recordings, stiffness_map, study, sweep, tune  # noqa: F401
         from vsf_drake.cli.app import app
 
         order = {name: place for place, name in enumerate(GUIDES)}

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vsf_drake.cli.app import Contact, Out, Seed, app, console, fail, interrupted, path, print_text, progress, say, warn
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.errors import InputError, SimulationError, require
 
 if TYPE_CHECKING:
+    from vsf_drake.analysis.validation import StudyOptions
     from vsf_drake.analysis.validation.run import Finished
 
 MOST_ISO_FORCE_N = 10_000.0  # beyond what any structural test presses a foot with (a choice)
@@ -39,6 +40,8 @@ def validate(
         help="Processes for many walks; default one a core. The numbers do not depend on it.", min=1)] = None,
     iso_force_n: Annotated[float | None, typer.Option(
         help="Largest force of the ISO 22675 loading profile; default the subject's weight.")] = None,
+    against: Annotated[str | None, typer.Option(
+        metavar="published", help="Instead: which published effects of stiffness the model reproduces.")] = None,
 ) -> None:
     """The paper's study and more, as one report: bench, standing, walking, energy, roll-over, sensitivity."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
@@ -56,12 +59,15 @@ def validate(
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.validation.output import UNFINISHED, VALIDATION, write_unfinished, write_validation
 
-    VALIDATION.check(out)
     if iso_force_n is not None and not 0.0 < iso_force_n <= MOST_ISO_FORCE_N:
         raise InputError(f"{iso_force_n:g} N is no force of a structural test of feet", where="--iso-force-n",
                          right=f"Give newtons, above 0 and at most {MOST_ISO_FORCE_N:g}")
     options = validation.StudyOptions(quick=quick, full=full or recompute, seed=seed, workers=workers,
                                       iso_force_n=iso_force_n)
+    if against is not None:
+        _against_published(against, trials, out, contact, options)
+        return
+    VALIDATION.check(out)
     exact, shipped = None, None
     with progress() as show:
         if trials:
@@ -105,19 +111,40 @@ def validate(
         sys.exit(InputError.exit_code if unread else SimulationError.exit_code)
 
 
+def _against_published(against: str, trials: list[Path] | None, out: Path, contact: Path | None,
+                       options: StudyOptions) -> None:
+    from vsf_drake.analysis import validation
+    from vsf_drake.analysis.validation.published_trends import published_trends
+    from vsf_drake.report.results_folder import PAGE
+    from vsf_drake.report.validation.published_page import PUBLISHED, write_published
+
+    require(against == "published", f"{against!r} is nothing to be held against", "--against", "Give published")
+    PUBLISHED.check(out)
+    with progress() as show:
+        study = validation.make_study(
+            trials or validation.embedded_trials("exact", quick=options.quick), options=options, progress=show,
+            contact=contact or (None if trials else validation.embedded_contact("exact")))
+        table = published_trends(study, progress=show)
+        write_published(out, table)
+    print_text("published", t=table)
+    say(f"written to {out / PAGE}")
+
+
 @app.command()
 def report(
     folder: Annotated[Path, typer.Argument(
-        parser=path, help="Folder that `validate`, `tune` or `schedule` wrote with --out.")],
+        parser=path, help="Folder that `validate`, `tune`, `schedule` or `map` wrote with --out.")],
     svg: Annotated[bool, typer.Option("--svg", help="Figures as SVG too, beside the PNG.")] = False,
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
+    from vsf_drake.report.map_page import MAP
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
     from vsf_drake.report.validation.output import VALIDATION
+    from vsf_drake.report.validation.published_page import PUBLISHED
 
-    kind = next((kind for kind in (TUNING, SCHEDULE) if (folder / kind.table).is_file()), VALIDATION)
+    kind = next((kind for kind in (TUNING, SCHEDULE, MAP, PUBLISHED) if (folder / kind.table).is_file()), VALIDATION)
     for sentence in kind.remake(folder, svg=svg):
         warn(sentence)
     say(f"written to {folder / PAGE}")

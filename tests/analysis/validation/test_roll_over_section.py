@@ -13,16 +13,17 @@ from vsf_drake.analysis.comparison import compare
 from vsf_drake.analysis.validation.roll_over_section import (
     DURATION_S,
     OPPOSITE_STRIKE,
+    SECOND_PEAK_S,
     TOE_OFF,
     RollOverFrames,
     _arm,
-    _iso_row,
     _shank,
     described,
     fit_arc,
     force_share,
     mean_moment_arm,
     roll_over_section,
+    rolled_row,
     tilt_rad,
     walked_shapes,
 )
@@ -169,7 +170,8 @@ def test_with_friction_the_grounds_moment_about_the_mount_is_what_the_drive_hold
     machine = RollOver(foot, friction=True)
     run, following = machine.roll(fulcrum_m=0.108, time_s=time, tilt_rad=tilt_rad(time),
                                   force_n=765.0 * force_share(time))
-    moment = _iso_row(machine, run, following, 0.108)[1]["moment_nm"]
+    moment = rolled_row(machine, run, following, 0.108, duration_s=DURATION_S,
+                        shape_ends_s=SECOND_PEAK_S)[1]["moment_nm"]
     loaded, most = following.wanted_n > 100.0, 2.0 * foot.mass_kg * GRAVITY * foot.length_m
     np.testing.assert_allclose(-run.load[loaded, 2], moment[loaded], atol=most)
     assert np.abs(run.mount[:, 1] * run.grf_W[:, 0]).max() > 10.0 * most, "friction has a part in it"

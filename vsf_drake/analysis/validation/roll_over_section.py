@@ -370,7 +370,7 @@ def iso_roll_over(
         except SimulationError as error:
             missing.append(f"{place}: {error}.")
             continue
-        row, own = _iso_row(machine, run, following, fulcrum)
+        row, own = rolled_row(machine, run, following, fulcrum, duration_s=DURATION_S, shape_ends_s=SECOND_PEAK_S)
         rows.append(row)
         if not row.follows and not friction:
             missing += say("roll_over", "not_followed", place=place, residual_n=row.residual_n)
@@ -378,17 +378,28 @@ def iso_roll_over(
     return rows, curves, missing
 
 
-def _iso_row(machine: RollOver, run: RollOverRun, following: Following, fulcrum: float) -> tuple[IsoRow, Curves]:
-    foot, e = machine.parameters, run.energy
+def energy_taken(run: RollOverRun) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) J that keel, fulcrum and foam hold as strain, and that they have taken in, what they lost included."""
+    e = run.energy
+    strain = e["keel_strain"] + e["fulcrum_strain"] + e["contact_strain"]
+    return strain, strain + (e["keel_loss"] + e["fulcrum_loss"] + e["contact_loss"] + e["friction_loss"])
+
+
+def rolled_row(
+    machine: RollOver, run: RollOverRun, following: Following, fulcrum: float, *, duration_s: float,
+    shape_ends_s: float
+) -> tuple[IsoRow, Curves]:
+    """The row of a foot that was rolled under a profile of this duration, its shape up to `shape_ends_s`; its curves.
+    """
+    foot = machine.parameters
     cop = in_mount_frame(run.cop_W, run.mount)
     arm = run.cop_W - np.column_stack([run.mount[:, 0], np.zeros(len(cop)), run.mount[:, 1]])
     moment = arm[:, 0] * run.grf_W[:, 2] - arm[:, 2] * run.grf_W[:, 0]
-    strain = e["keel_strain"] + e["fulcrum_strain"] + e["contact_strain"]
-    lost = e["keel_loss"] + e["fulcrum_loss"] + e["contact_loss"] + e["friction_loss"]
-    steps = np.diff(strain + lost, prepend=0.0)
+    strain, taken_in = energy_taken(run)
+    steps = np.diff(taken_in, prepend=0.0)
     taken, given = float(steps[steps > 0.0].sum()), -float(steps[steps < 0.0].sum())
-    half = run.time_s <= 0.5 * DURATION_S
-    rolled = run.time_s <= SECOND_PEAK_S
+    half = run.time_s <= 0.5 * duration_s
+    rolled = run.time_s <= shape_ends_s
     shape = described(
         np.where(rolled[:, None], cop, np.nan), heel_m=foot.heel_x_m - foot.pylon_x_m, foot_length_m=foot.length_m,
         arm_m=mean_moment_arm(run.time_s, moment, following.force_n))
@@ -399,7 +410,7 @@ def _iso_row(machine: RollOver, run: RollOverRun, following: Following, fulcrum:
         deflection_forefoot_mm=1e3 * float(following.deflection_m[~half].max()),
         dorsiflexing_moment_nm=float(np.nanmax(moment)), plantarflexing_moment_nm=-float(np.nanmin(moment)),
         stored_forefoot_j=float(strain[~half].max()), return_ratio=given / taken,
-        lost_by_sliding_j=float(e["friction_loss"][-1]), unconverged_steps=run.unconverged_steps)
+        lost_by_sliding_j=float(run.energy["friction_loss"][-1]), unconverged_steps=run.unconverged_steps)
     return row, {"force_n": following.force_n, "deflection_mm": 1e3 * following.deflection_m,
                  "cop_forward_m": cop[:, 0], "cop_up_m": cop[:, 1], "moment_nm": moment, "strain_j": strain}
 

@@ -1,0 +1,68 @@
+"""Published effects against the embedded walks: ways, own motion at two settings or more, and the page."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from command_line import exit_code, read_json
+from made_study import embedded_study
+
+from vsf_drake.analysis.published import LOAD, OWN_MOTION
+from vsf_drake.analysis.validation.published_trends import own_motion_evidence, published_trends
+from vsf_drake.files import plain, record
+from vsf_drake.report.validation.published_page import PUBLISHED, write_published
+
+
+@pytest.fixture(scope="module")
+def table():
+    return published_trends(embedded_study())
+
+
+def test_every_row_names_its_way_and_the_synthetic_walks_are_called_so(table):
+    assert table.synthetic and table.settings_mm == table.walked_mm == (66.0, 108.0, 151.0) and table.walks == 3
+    own = [row for row in table.rows if row.way == OWN_MOTION]
+    assert own and all("SYNTHETIC" in row.reason for row in own)
+    assert any(row.way == LOAD for row in table.rows) and sum(table.counts.values()) == len(table.rows)
+    assert "keeps the motion" in table.level_1
+
+
+def test_own_motion_is_each_walk_at_its_own_setting(table):
+    """What is stored in a stance is what the energy section finds of the same walk: some joules over the weight."""
+    stored = next(row for row in table.rows if row.way == OWN_MOTION and row.measure == "energy stored")
+    assert len(stored.values) == 3 and all(0.02 < value < 0.4 for value in stored.values)
+
+
+def test_own_motion_of_one_setting_says_what_it_needs():
+    study = embedded_study()
+    evidence, missing = own_motion_evidence(dataclasses.replace(study, walks=study.walks[:1]))
+    assert not evidence and "two settings" in missing[0]
+
+
+def test_the_knees_moment_is_that_of_flexion_late_in_stance(table):
+    """Late in stance the ground's force passes the knee by centimetres: below 1.5 N m/kg."""
+    row = next(row for row in table.rows if row.way == OWN_MOTION and row.measure == "knee flexor moment")
+    assert np.all(np.abs(row.values) < 1.5)
+
+
+def test_the_page_begins_with_counts_and_comes_back_from_its_table(table, tmp_path):
+    write_published(tmp_path, table)
+    assert record(type(table), PUBLISHED.read(tmp_path)[0]) == record(type(table), plain(table))
+    text = " ".join((tmp_path / "report.html").read_text(encoding="utf-8").split())
+    assert f"Of {len(table.rows)} published rows" in text and "no adaptation of a person" in text
+    assert (tmp_path / "tables" / "published_reproduced.csv").is_file()
+
+
+def test_against_anything_else_is_refused(tmp_path, capsys):
+    assert exit_code("validate", "--against", "nothing", "--out", tmp_path / "out") == 2
+    assert "--against: 'nothing' is nothing to be held against. Give published" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_command_writes_what_the_study_stores(tmp_path, capsys):
+    assert exit_code("validate", "--against", "published", "--quick", "--out", tmp_path) == 0
+    assert "published rows" in capsys.readouterr().out
+    rows = read_json(tmp_path / PUBLISHED.table)["rows"]
+    assert {"source", "measure", "published", "model", "way", "verdict"} <= set(rows[0])
+    assert exit_code("report", tmp_path) == 0

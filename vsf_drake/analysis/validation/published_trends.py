@@ -1,0 +1,157 @@
+"""The model held against published effects of stiffness: under one load, and in walks of their own motion.
+
+Level 1 of a tuning keeps the motion, so it has no say here; level 2, whose motion adapts, has none yet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.published import LOAD, OWN_MOTION, Evidence, Trend, published_effects, trends
+from vsf_drake.analysis.stiffness_map.cells import Cell, iso_22675, roll_cells, with_heel
+from vsf_drake.analysis.validation.energy_section import EnergyCase, walk_cases
+from vsf_drake.analysis.validation.roll_over_section import (
+    ISO_STEPS,
+    QUICK_ISO_STEPS,
+    QUICK_POSITIONS_M,
+    iso_roll_over,
+    walked_shapes,
+)
+from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk, reached
+from vsf_drake.errors import SimulationError
+from vsf_drake.parameters import GRAVITY, FootParameters
+from vsf_drake.simulation.archive import provenance
+
+FORMAT = "vsf_drake published trends 1"
+STEPS_S = {False: 2.5e-4, True: 2e-3}  # of the walks whose energy is told, by whether it is the quick form
+HEELS, HEEL_AT_M = (0.5, 1.0, 2.0), 0.108
+_FEEDS = "the force is given under a load, and a synthetic strike is no person's"
+_MOTION = "the motion of a SYNTHETIC person was made, and does not answer the setting; a person's would be needed"
+WHY_NOT = {
+    "knee extension": _MOTION, "first peak of the sound side": _MOTION,
+    "centre-of-mass push-off work": "the work on the centre of mass is the person's: level 2",
+    "metabolic cost": "the cost of walking is the person's: level 2", "heel loading rate": _FEEDS,
+    "energy taken in early": "the pylon's stiffness is not a setting of the model",
+    "preferred stiffness against body mass": "the model prefers nothing"}
+"""By measure: why there is no evidence of it, whatever the trials."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrendTable:
+    """The content of published_trends.json."""
+
+    format: str
+    synthetic: bool  # whether any of the walks was made rather than recorded
+    settings_mm: tuple[float, ...]  # under the load
+    walked_mm: tuple[float, ...]  # of the walks
+    walks: int
+    mass_kg: float
+    level_1: str
+    rows: tuple[Trend, ...]
+    counts: dict[str, int]  # rows by verdict
+    missing: tuple[str, ...] = ()
+    inputs: dict[str, str] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+
+def published_trends(study: Study, *, progress: Progress | None = None) -> TrendTable:
+    """Rolls the study's foot at three settings under its subject's weight, takes its walks as they are, and judges."""
+    show = progress or (lambda what, fraction: None)
+    mass, quick = study.walks[0].recorded.subject.mass_kg, study.options.quick
+    settings = reached(study.model.foot, QUICK_POSITIONS_M)
+    show("rolling the foot", 0.0)
+    loaded = load_evidence(study.model.foot, settings, mass_kg=mass, steps=QUICK_ISO_STEPS if quick else ISO_STEPS)
+    walked, missing = own_motion_evidence(study, progress=lambda f: show("walking in small steps", 0.1 + 0.9 * f))
+    rows = tuple(trends([*loaded, *walked], published_effects(), why_not=WHY_NOT))
+    return TrendTable(
+        format=FORMAT, synthetic=study.synthetic, settings_mm=tuple(1e3 * x for x in settings),
+        walked_mm=tuple(study.conditions()), walks=len(study.walks), mass_kg=mass,
+        level_1="not applicable: it keeps the motion", rows=rows, missing=tuple(missing), inputs=dict(study.inputs),
+        counts={verdict: sum(row.verdict == verdict for row in rows) for verdict in sorted({r.verdict for r in rows})},
+        provenance=provenance())
+
+
+def load_evidence(foot: FootParameters, settings_m: Sequence[float], *, mass_kg: float, steps: int) -> list[Evidence]:
+    """What the foot does under the ISO 22675 profile to the person's weight; SimulationError if a setting fails."""
+    rows, _, failed = iso_roll_over(foot, settings_m, force_n=mass_kg * GRAVITY, steps=steps)
+    load = iso_22675(0.6 / steps)
+    rolled = roll_cells(foot, load, [Cell(mass_kg=mass_kg, slope_deg=0.0, fulcrum_mm=1e3 * x, alignment_deg=0.0,
+                                          heel_ratio=1.0) for x in settings_m])
+    heels = [iso_roll_over(with_heel(foot, ratio), [HEEL_AT_M], force_n=mass_kg * GRAVITY, steps=steps)
+             for ratio in HEELS]
+    if len(rows) < len(settings_m) or not all(curves for _, curves, _ in heels):
+        raise SimulationError(f"a setting cannot be rolled: {'; '.join(failed)}", time_s=0.0)
+    early = [curves[f"iso_{1e3 * HEEL_AT_M:.0f}_strain_j"][curves["iso_time_s"] <= 0.3].max()
+             for _, curves, _ in heels]
+
+    def evidence(measure: str, unit: str, stands: str, values: Sequence[float | None]) -> Evidence:
+        return Evidence(measure=measure, way=LOAD, unit=unit, stands=stands, values=tuple(
+            () if value is None else (float(value),) for value in values))
+
+    stored, returned = ([each.values[name] / mass_kg for each in rolled] for name in ("stored", "returned"))
+    return [
+        evidence("energy stored", "J/kg", "largest in keel, fulcrum and foam late in stance", stored),
+        evidence("energy returned", "J/kg", "given back after that", returned),
+        evidence("push-off work", "J/kg", "energy given back late in stance stands for it", returned),
+        evidence("roll-over radius", "m", "circle nearest to the roll-over shape", [row.radius_m for row in rows]),
+        evidence("effective foot length ratio", "m/m", "from the rear end of the sole",
+                 [row.effective_foot_length_ratio for row in rows]),
+        evidence("plantarflexor moment", "N m/kg", "largest moment about the pylon's end that turns the toe up",
+                 [row.dorsiflexing_moment_nm / mass_kg for row in rows]),
+        evidence("dorsiflexion", "mm", "deflection of the forefoot stands for the angle",
+                 [row.deflection_forefoot_mm for row in rows]),
+        evidence("heel energy returned", "J/kg", f"what is held in the first half, with {HEELS[0]:g}, {HEELS[1]:g} and "
+                 f"{HEELS[2]:g} times the heel's stiffness, stands for it", [value / mass_kg for value in early])]
+
+
+def own_motion_evidence(study: Study, *, progress: Callable[[float], None] | None = None
+                        ) -> tuple[list[Evidence], list[str]]:
+    """What the walks have, each at the setting and with the motion of its recording, a repetition each; and what is
+    not there. Nothing of one setting, or of several persons."""
+    conditions = study.conditions()
+    if len(conditions) < 2 or len({walk.trial.subject for walk in study.walks}) > 1:
+        return [], ["Own motion needs walks of one person at two settings or more."]
+    walks = [walk for own in conditions.values() for walk in own]
+    step = STEPS_S[study.options.quick]
+    energies = walk_cases([EnergyCase(label=walk.label, trial=walk.trial, fulcrum_m=walk.trial.fulcrum_m, step_s=step)
+                           for walk in walks], workers=study.options.workers, progress=progress)
+    mass = study.walks[0].recorded.subject.mass_kg
+    found: dict[str, dict[float, list[float]]] = {}
+    missing = [f"{one.case.label}: {one.failure}" for one in energies if one.failure]
+    for walk, energy in zip(walks, energies, strict=True):
+        numbers: dict[str, float | None] = {}
+        if energy.stances:
+            row = energy.stances[0].row
+            numbers = {"energy stored": row.stored_j / mass, "energy returned": row.returned_j / mass,
+                       "push-off work": row.returned_j / mass, "push-off power": row.distal_peak_w / mass,
+                       "knee flexor moment": _late_flexor_moment(walk, energy.stances[0].stance.start_s,
+                                                                 energy.stances[0].stance.end_s) / mass}
+        shapes, _ = walked_shapes(walk)
+        if shapes:
+            numbers |= {"roll-over radius": shapes[0][0].model.radius_m,
+                        "effective foot length ratio": shapes[0][0].model.effective_foot_length_ratio}
+        for measure, value in numbers.items():
+            if value is not None and np.isfinite(value):
+                found.setdefault(measure, {x: [] for x in conditions})[walk.fulcrum_mm].append(value)
+    stands = {"energy stored": ("J/kg", "largest in keel, fulcrum and foam in a stance"),
+              "energy returned": ("J/kg", "given back after that"),
+              "push-off work": ("J/kg", "energy given back stands for it"),
+              "push-off power": ("W/kg", "largest distal power of the pylon"),
+              "knee flexor moment": ("N m/kg", "largest load that drives the knee in the second half of stance"),
+              "roll-over radius": ("m", "circle nearest to the roll-over shape, seen from the shank"),
+              "effective foot length ratio": ("m/m", "from the rear end of the sole, seen from the shank")}
+    made = "; SYNTHETIC walks, which are no adaptation of a person" if study.synthetic else ""
+    return [Evidence(measure=measure, way=OWN_MOTION, unit=stands[measure][0], stands=stands[measure][1] + made,
+                     values=tuple(map(tuple, by_setting.values()))) for measure, by_setting in found.items()], missing
+
+
+def _late_flexor_moment(walk: StudyWalk, start_s: float, end_s: float) -> float:
+    """Largest flexor moment (N m) of the prosthetic knee in the second half of a stance; knee flexion is positive."""
+    result = walk.result
+    name = f"knee_angle_{walk.trial.subject.prosthetic_side[0]}"
+    late = (result.time_s >= 0.5 * (start_s + end_s)) & (result.time_s <= end_s)
+    return float(result.generalized_force[late, result.coordinate_names.index(name)].max())
