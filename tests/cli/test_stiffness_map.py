@@ -37,13 +37,14 @@ def test_what_is_out_of_reach_has_its_nearest(folder, capsys):
     (["--target", "radius=0.2", "--slope", "12"], "12 is outside this map, which holds -6 to 6"),
     (["--target", "radius=0.2", "--mass", "50,60"], "has 2 values"),
     (["--target", "radius=0.2", "--fulcrum-mm", "80"], "Leave it out"),
-    (["--target", "radius=0.2", "--draws", "40"], "--draws: 40 is not that of the map"),
+    (["--target", "radius=0.2", "--draws", "30"], "--draws: 30 is not that of the map"),
     (["--target", "radius=0.2", "--model", "package://vsf_drake/soft_support.yaml"], "--model: is not what the map"),
     (["--target", "radius=0.2", "--mass", "heavy"], "--mass: 'heavy'")])
 def test_what_cannot_be_asked_is_one_line_and_exit_code_2(folder, capsys, words, said):
     assert exit_code("map", "--out", folder, *words) == 2
     error = capsys.readouterr().err
-    assert said.replace("no finite", "not a finite") in error and error.count("\n") == 1
+    assert said.replace("no finite", "not a finite") in error
+    assert error.count("\n") == 2 and error.endswith("guide: docs/guide/stiffness_map.md\n")
 
 
 def test_a_folder_of_other_things_is_refused_before_anything_is_rolled(tmp_path, capsys):
