@@ -25,8 +25,10 @@ def main() -> None:
     """Computes, prints and stores every row."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--quick", action="store_true", help="one walk a setting, coarser steps")
+    parser.add_argument("--quick", action="store_true", help="one walk a setting, coarser steps; needs --out")
     arguments = parser.parse_args()
+    if arguments.quick and arguments.out == RESULTS:
+        parser.error("a part of the study must not replace it all: give --out")
     study = make_study(embedded_trials("exact", quick=arguments.quick), contact=embedded_contact("exact"),
                        options=StudyOptions(quick=arguments.quick))
     table = published_trends(study)

@@ -47,6 +47,11 @@ def test_what_cannot_be_asked_is_one_line_and_exit_code_2(folder, capsys, words,
     assert error.count("\n") == 2 and error.endswith("guide: docs/guide/stiffness_map.md\n")
 
 
+def test_help_names_the_number_of_draws_that_is_taken(capsys):
+    assert exit_code("map", "--help") == 0
+    assert f"[default: ({make.DRAWS})]" in " ".join(capsys.readouterr().out.replace("│", " ").split())
+
+
 def test_a_folder_of_other_things_is_refused_before_anything_is_rolled(tmp_path, capsys):
     (tmp_path / "notes.txt").write_text("mine")
     assert exit_code("map", "--out", tmp_path) == 2

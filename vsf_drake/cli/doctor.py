@@ -12,7 +12,7 @@ from vsf_drake.cli.app import app, fail, print_text
 from vsf_drake.errors import SimulationError
 
 _REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)[^;]*;.*extra == ['\"](?P<extra>\w+)['\"]")
-_FOR_USERS = ("import", "tables", "cluster", "bench", "spm", "docs")
+_FOR_USERS = ("tables", "cluster", "bench", "spm", "docs")
 """Groups of packages that a command or a method asks for."""
 
 

@@ -40,7 +40,7 @@ def stiffness_map(
     model: Model = None,
     contact: Contact = None,
     draws: Annotated[int | None, typer.Option(
-        help="Other contacts for the bands of 90 %; 0 for none.", show_default="20", min=0)] = None,
+        help="Other contacts for the bands of 90 %; 0 for none.", show_default="40", min=0)] = None,
     seed: Seed = 0,
     workers: Annotated[int | None, typer.Option(help="Processes. Default: one a core.", min=1)] = None,
 ) -> None:

@@ -116,7 +116,7 @@ def _against_published(against: str, trials: list[Path] | None, out: Path, conta
     from vsf_drake.analysis import validation
     from vsf_drake.analysis.validation.published_trends import published_trends
     from vsf_drake.report.results_folder import PAGE
-    from vsf_drake.report.validation.published_page import PUBLISHED, write_published
+    from vsf_drake.report.validation.output import PUBLISHED, write_published
 
     require(against == "published", f"{against!r} is nothing to be held against", "--against", "Give published")
     PUBLISHED.check(out)
@@ -141,8 +141,7 @@ def report(
     from vsf_drake.report.map_page import MAP
     from vsf_drake.report.results_folder import PAGE
     from vsf_drake.report.tuning.chapters import SCHEDULE, TUNING
-    from vsf_drake.report.validation.output import VALIDATION
-    from vsf_drake.report.validation.published_page import PUBLISHED
+    from vsf_drake.report.validation.output import PUBLISHED, VALIDATION
 
     kind = next((kind for kind in (TUNING, SCHEDULE, MAP, PUBLISHED) if (folder / kind.table).is_file()), VALIDATION)
     for sentence in kind.remake(folder, svg=svg):

@@ -12,7 +12,7 @@ from made_study import embedded_study
 from vsf_drake.analysis.published import LOAD, OWN_MOTION
 from vsf_drake.analysis.validation.published_trends import own_motion_evidence, published_trends
 from vsf_drake.files import plain, record
-from vsf_drake.report.validation.published_page import PUBLISHED, write_published
+from vsf_drake.report.validation.output import PUBLISHED, write_published
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from vsf_drake.analysis.published import LOAD, OWN_MOTION, Evidence, Trend, publ
 from vsf_drake.analysis.stiffness_map.cells import Cell, iso_22675, roll_cells, with_heel
 from vsf_drake.analysis.validation.energy_section import EnergyCase, walk_cases
 from vsf_drake.analysis.validation.roll_over_section import (
+    DURATION_S,
     ISO_STEPS,
     QUICK_ISO_STEPS,
     QUICK_POSITIONS_M,
@@ -78,14 +79,14 @@ def published_trends(study: Study, *, progress: Progress | None = None) -> Trend
 def load_evidence(foot: FootParameters, settings_m: Sequence[float], *, mass_kg: float, steps: int) -> list[Evidence]:
     """What the foot does under the ISO 22675 profile to the person's weight; SimulationError if a setting fails."""
     rows, _, failed = iso_roll_over(foot, settings_m, force_n=mass_kg * GRAVITY, steps=steps)
-    load = iso_22675(0.6 / steps)
+    load = iso_22675(DURATION_S / steps)
     rolled = roll_cells(foot, load, [Cell(mass_kg=mass_kg, slope_deg=0.0, fulcrum_mm=1e3 * x, alignment_deg=0.0,
                                           heel_ratio=1.0) for x in settings_m])
     heels = [iso_roll_over(with_heel(foot, ratio), [HEEL_AT_M], force_n=mass_kg * GRAVITY, steps=steps)
              for ratio in HEELS]
     if len(rows) < len(settings_m) or not all(curves for _, curves, _ in heels):
         raise SimulationError(f"a setting cannot be rolled: {'; '.join(failed)}", time_s=0.0)
-    early = [curves[f"iso_{1e3 * HEEL_AT_M:.0f}_strain_j"][curves["iso_time_s"] <= 0.3].max()
+    early = [curves[f"iso_{1e3 * HEEL_AT_M:.0f}_strain_j"][curves["iso_time_s"] <= 0.5 * DURATION_S].max()
              for _, curves, _ in heels]
 
     def evidence(measure: str, unit: str, stands: str, values: Sequence[float | None]) -> Evidence:

@@ -1,4 +1,4 @@
-"""What a validation leaves on disk, all of it or nothing, and the page made again of it."""
+"""What a validation, and a comparison with published effects, leave on disk, all of it or nothing; their pages."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from vsf_drake.analysis.published import CANNOT_SAY, CONTRADICTED, REPRODUCED
+from vsf_drake.analysis.validation.published_trends import FORMAT as TREND_FORMAT
+from vsf_drake.analysis.validation.published_trends import TrendTable
 from vsf_drake.analysis.validation.run import NAMES, Validation, is_kept, tables
 from vsf_drake.analysis.validation.study import Study
-from vsf_drake.files import plain, write_json
+from vsf_drake.files import plain, record, write_json
 from vsf_drake.report.figures import walk_figure
+from vsf_drake.report.page import Chapter
 from vsf_drake.report.replay import write_replay
 from vsf_drake.report.results_folder import ResultsFolder
 from vsf_drake.report.style import Arrays, save_figure
@@ -88,3 +92,30 @@ def _write_walks(study: Study, folder: Path, table: dict[str, Any]) -> None:
     write_replay(shown.result, folder / REPLAY, plate=shown.recorded.prosthetic_plate,
                  intact_plate=shown.recorded.intact_plate)
     table["replay"] = shown.label
+
+
+# The model held against published effects.
+
+
+def _show_published(saved: Content, arrays: Arrays, *, folder: Path, lenient: bool) -> dict[str, Any]:
+    table = record(TrendTable, saved)
+    rows = [{**vars(row), "met": row.verdict != CONTRADICTED} for row in table.rows]
+    facts = {"t": table, "groups": [(verdict.replace("_", " "), [row for row in rows if row["verdict"] == verdict])
+                                    for verdict in (CONTRADICTED, REPRODUCED, CANNOT_SAY)]}
+    return {"title": "Against published effects of stiffness", "synthetic": table.synthetic,
+            "first_line": say("validation", "against_published", synthetic=table.synthetic)[0],
+            "chapters": [Chapter(name="published", title="", template="validation/published.html.j2", facts=facts)]}
+
+
+def _check_published(table: Content, path: Path) -> None:
+    record(TrendTable, table)
+
+
+PUBLISHED = ResultsFolder(
+    kind="comparison with published effects", command="validate --against published", table="published_trends.json",
+    show=_show_published, known=lambda table: table.get("format") == TREND_FORMAT, valid=_check_published)
+
+
+def write_published(out: str | Path, table: TrendTable) -> None:
+    """Writes the table, its page and CSV files; see `ResultsFolder.write`."""
+    PUBLISHED.write(out, plain(table))
