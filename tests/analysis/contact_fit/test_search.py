@@ -14,7 +14,7 @@ from made_fit import made_search
 from scipy.stats import norm
 
 from vsf_drake.analysis.contact_fit import ContactFit, solve
-from vsf_drake.analysis.contact_fit.options import SOLVERS
+from vsf_drake.analysis.contact_fit.options import SOLVERS, ContactFitOptions
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
 from vsf_drake.analysis.contact_fit.problem import FitEvaluation
 from vsf_drake.analysis.contact_fit.solve import prior_samples, run_searches, search
@@ -258,6 +258,41 @@ def test_an_interrupted_search_is_begun_anew(brief, ended):
     with pytest.raises(KeyboardInterrupt):
         run_searches(brief(), progress=interrupt, checkpoint=lambda state: states.append(json.dumps(state)))
     assert states == ended.states[:1]
+
+
+def valleys():
+    """A cost with a valley at every whole number of the first parameter, the one at 1 the deepest."""
+    items = [FitParameter(name=name, unit="m", start=start, mean=0.0, low=-4.0, high=4.0, scale=1.0)
+             for name, start in (("contact.heel.rise", -0.1), ("offset.height", 0.5))]
+
+    def evaluate(u, *, noise=1.0, **_):
+        a, b = u
+        fit.evaluations += 1
+        residual = np.array([8.0 * np.sin(np.pi * a) / noise, 3.0 * (a - 1.0) / noise, a, b])
+        jacobian = np.array([[8.0 * np.pi * np.cos(np.pi * a) / noise, 0.0], [3.0 / noise, 0.0], [1.0, 0.0],
+                             [0.0, 1.0]])
+        return FitEvaluation(residual=residual, jacobian=jacobian, terms=())
+
+    fit = SimpleNamespace(parameters=FitParameters(items), joint=ContactFitOptions(), evaluations=0, evaluate=evaluate)
+    return fit
+
+
+def test_a_search_hops_from_the_valley_where_it_ended_into_a_deeper_one_beside_it():
+    found = search(valleys(), np.array([-0.1, 0.5]))
+    assert found.success and found.u[0] == pytest.approx(1.0, abs=0.02)
+    assert found.cost == pytest.approx(0.5, rel=0.01), "of the prior alone"
+    stays = search(valleys(), np.array([0.1, 0.5]), near=True)
+    assert stays.success and stays.u[0] == pytest.approx(0.0, abs=0.02), "no hops where it is to stay near"
+
+
+def test_searches_that_meet_while_the_prior_decides_are_one():
+    first = search(valleys(), np.array([-0.1, 0.5]))
+    met = search(valleys(), np.array([1.7, -2.0]), others=[first])
+    assert met.success and met.cost == first.cost and met.message.startswith("it met search 1: ")
+    np.testing.assert_array_equal(met.u, first.u)
+    assert met.start[0] == 1.7 and met.start_cost > first.start_cost and met.evaluations < 0.5 * first.evaluations
+    elsewhere = replace(first, smooth=first.smooth + 0.1)
+    assert search(valleys(), np.array([1.7, -2.0]), others=[elsewhere]).evaluations > first.evaluations - 10
 
 
 def test_state_of_another_problem_or_a_damaged_one_is_refused(brief, few_free, ended, soft, stiff, measured_bench):

@@ -3,9 +3,10 @@ the data tell what it found."""
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,11 +24,15 @@ from vsf_drake.files import plain
 ENOUGH, AGAIN = 0.5, 3
 """A search has not converged while a step would still lower the cost by more: a likelihood ratio of exp(-1/2). It is
 then begun again there, this often."""
-STAGES = ((30.0, 2.0, 1e-2), (10.0, 2.0, 1e-2), (3.0, 2.0, 1e-2))
+STAGES = ((30.0, 2.0, 1e-4), (10.0, 2.0, 1e-2), (3.0, 2.0, 1e-2))
 """Before a search minimises the cost itself: how much larger the noise is taken, and the step of the walks, than they
 are, and the part of the cost by which a last step may better it. With 30 times the noise the prior decides between
-minima, such as which zone of the heel strikes first, that only bumps of the data part (graduated non-convexity: Blake
-& Zisserman 1987, Visual Reconstruction)."""
+minima that only bumps of the data part (graduated non-convexity: Blake & Zisserman 1987, Visual Reconstruction)."""
+MET = 0.05
+"""Searches that are as near as this at the end of the first stage, in standard deviations of the prior, are one."""
+HOPS, HOP_TOLERANCE = re.compile(r"contact\..+\.rise"), 1e-3
+"""Where the cost has minima beside each other: which zone of the sole strikes first. From where it ended a search hops
+by one standard deviation either way in each of these, goes down again, and keeps the best."""
 RADIUS, LARGEST_RADIUS, SMALLEST_RADIUS = 1.0, 2.0, 1e-3
 """Of the trust region, in standard deviations of the prior: at first, at most, and where a stage ends."""
 LOST = 100.0
@@ -49,6 +54,7 @@ class FitSearch:
     evaluations: int  # points at which the walks were run
     failed: int  # so many of these ended in a SimulationError
     cut: bool = False  # by the time limit
+    smooth: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (P,) the end of the first stage, if it had one
 
 
 def run_searches(
@@ -64,6 +70,7 @@ def run_searches(
 
     def read(row: Mapping[str, Any]) -> FitSearch:
         ends = {name: np.array(row[name], dtype=float).reshape(size) for name in ("start", "u")}
+        ends["smooth"] = np.array(row["smooth"], dtype=float).reshape(-1, size).ravel()
         costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
         return FitSearch(**{**row, **ends, **costs})
 
@@ -88,7 +95,7 @@ def run_searches(
                               evaluations=done[i].evaluations + again.evaluations,
                               failed=done[i].failed + again.failed)
         else:
-            done.append(search(fit, _start(fit, i), tell, until=until))
+            done.append(search(fit, _start(fit, i), tell, until=until, others=done))
         ended = time.perf_counter() - began
         if checkpoint:
             checkpoint({"key": fit.key, "iterations": fit.joint.iterations, "searches": plain([vars(s) for s in done])})
@@ -120,7 +127,7 @@ def _start(fit: ContactFit, i: int) -> np.ndarray:
 
 def search(
     fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None, *, near: bool = False,
-    until: float = np.inf
+    until: float = np.inf, others: Sequence[FitSearch] = ()
 ) -> FitSearch:
     """Searches from `start` (P,) on; a start at which the simulation fails is a search that failed, not an error.
 
@@ -128,8 +135,9 @@ def search(
         progress: told the number of evaluations so far and the lowest cost.
         near: the start is near a minimum: no stage goes before the last.
         until: instant of `time.perf_counter` (s) at which the search is ended where it is.
+        others: searches of the same fit; one that is met in the first stage is where this one ends too.
     """
-    start = np.clip(start, *fit.parameters.bounds)
+    start, smooth = np.clip(start, *fit.parameters.bounds), np.zeros(0)
     tried = _Tried(fit, progress, until)
     try:
         first = tried.at(start)
@@ -143,11 +151,11 @@ def search(
         elif near:
             success, message = _descend(tried, start)
         else:
-            begin = start
-            for noise, coarser, tolerance in STAGES:
-                _descend(tried, begin, noise=noise, step_s=coarser * fit.joint.step_s, tolerance=tolerance)
-                begin = tried.last
-            success, message = _descend(tried, begin)
+            smooth, met = _smoothed(tried, start, others)
+            if met is not None:
+                return replace(others[met], start=start, start_cost=start_cost, evaluations=tried.count,
+                               failed=tried.failed, message=f"it met search {met + 1}: {others[met].message}")
+            success, message = _hopped(tried)
         left, again = _left_to_gain(tried), AGAIN
         while success and left > ENOUGH and again:
             before = tried.best_cost
@@ -165,7 +173,34 @@ def search(
             raise
         success, message = False, f"the time limit of {fit.joint.time_limit_s:g} s ended it"
     return FitSearch(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
-                     message=message, evaluations=tried.count, failed=tried.failed, cut=tried.late)
+                     message=message, evaluations=tried.count, failed=tried.failed, cut=tried.late, smooth=smooth)
+
+
+def _smoothed(tried: _Tried, start: np.ndarray, others: Sequence[FitSearch]) -> tuple[np.ndarray, int | None]:
+    """The end of the first stage, and which of the others it met there; unless it met one, all stages are gone through.
+    """
+    smooth = np.zeros(0)
+    for noise, coarser, tolerance in STAGES:
+        _descend(tried, tried.last if smooth.size else start, noise=noise, step_s=coarser * tried.fit.joint.step_s,
+                 tolerance=tolerance)
+        if not smooth.size:
+            smooth = tried.last
+            for i, other in enumerate(others):
+                if other.smooth.size and np.abs(smooth - other.smooth).max() <= MET:
+                    return smooth, i
+    return smooth, None
+
+
+def _hopped(tried: _Tried) -> tuple[bool, str]:
+    """Whether a search from the last stage's end converged, what is beside its own end included, and how it ended."""
+    success, message = _descend(tried, tried.last)
+    if not success:
+        return success, message
+    for p in (p for p, name in enumerate(tried.fit.parameters.names) if HOPS.fullmatch(name)):
+        for way in (-1.0, 1.0):
+            beside = tried.best + way * np.eye(len(tried.best))[p]
+            _descend(tried, np.clip(beside, *tried.fit.parameters.bounds), tolerance=HOP_TOLERANCE)
+    return _descend(tried, tried.best)
 
 
 def _left_to_gain(tried: _Tried) -> float:

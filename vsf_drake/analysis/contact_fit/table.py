@@ -170,7 +170,7 @@ def fit_json(table: FitTable) -> dict[str, Any]:
     """What `fit.json` holds of the table."""
     values: dict[str, Any] = plain(table)
     for search in values["searches"]:
-        del search["start"], search["u"]
+        del search["start"], search["u"], search["smooth"]
     for trial in values["trials"]:
         trial.update(trial.pop("score") or {})
         trial.pop("curves", None)
