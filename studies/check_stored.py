@@ -29,7 +29,7 @@ from floor_of_the_reference_subject import DATA, RESULTS, SEED
 from virtual_laboratory.floor import floor, floor_with_shared_errors_removed
 
 from vsf_drake.analysis.contact_fit import ContactFit, ContactFitOptions
-from vsf_drake.analysis.contact_fit.solve import search, uncertainty_at
+from vsf_drake.analysis.contact_fit.solve import search
 from vsf_drake.analysis.metrics import walk_metrics
 from vsf_drake.files import resource, sha256, write_json
 from vsf_drake.model_file import load_model
@@ -88,7 +88,7 @@ def both_devices(stored: dict[str, Any]) -> Numbers:
 
 
 def fitted_session(stored: dict[str, Any]) -> Numbers:
-    """The first person's true values, the fitted ones on a trial of the same day that was held out, standard errors."""
+    """The first person's true values, the fitted ones on a trial of the same day that was held out."""
     case = session_fit.CASES[0]
     pair, fit = stored["cases"][case.name], session_fit.fit_of(case, session_fit.DATA)
     held = session_fit.read(session_fit.DATA, case, "medium_2")
@@ -99,10 +99,6 @@ def fitted_session(stored: dict[str, Any]) -> Numbers:
         yield f"{case.name} medium_2 {key}", found[key], was
     for name, true in session_fit.truths(case, session_fit.DATA).items():
         yield f"{case.name} true {name}", true, known[name]["truth"]
-    told = uncertainty_at(fit, u)
-    for name, error in zip(told.names, told.standard_error, strict=True):
-        if name in known:
-            yield f"{case.name} standard error {name}", error, known[name]["standard_error"]
 
 
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {

@@ -281,6 +281,8 @@ def test_a_search_hops_from_the_valley_where_it_ended_into_a_deeper_one_beside_i
     found = search(valleys(), np.array([-0.1, 0.5]))
     assert found.success and found.u[0] == pytest.approx(1.0, abs=0.02)
     assert found.cost == pytest.approx(0.5, rel=0.01), "of the prior alone"
+    cost, *there = found.beside[0]
+    assert round(there[0]) in (0, 2) and cost > found.cost, "the valley that it hopped over is remembered"
     stays = search(valleys(), np.array([0.1, 0.5]), near=True)
     assert stays.success and stays.u[0] == pytest.approx(0.0, abs=0.02), "no hops where it is to stay near"
 

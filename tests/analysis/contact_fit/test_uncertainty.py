@@ -11,7 +11,7 @@ import pytest
 from vsf_drake.analysis.contact_fit.options import ContactFitOptions, FitNoise
 from vsf_drake.analysis.contact_fit.parameters import FitParameter, FitParameters
 from vsf_drake.analysis.contact_fit.problem import ResidualTerm
-from vsf_drake.analysis.contact_fit.solve import NORMAL_95, SURE_SHARE, uncertainty
+from vsf_drake.analysis.contact_fit.solve import NORMAL_95, SURE_SHARE, FitSearch, uncertainty
 from vsf_drake.errors import InputError
 
 NOISE = FitNoise(correlation_s=0.05)
@@ -89,6 +89,21 @@ def test_covariance_is_that_of_drawn_truths_and_correlated_noise(bench, heavier)
     np.testing.assert_allclose(found.interval, np.outer(NORMAL_95 * found.standard_error, [-1.0, 1.0]))
     inside = np.abs(off) <= NORMAL_95 * found.share_of_prior
     np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=0.006)
+
+
+def test_minima_beside_the_best_one_widen_errors_as_a_mixture_of_them_all_would():
+    """Second moments about the best minimum of draws from the mixture; costs are minus logarithms of what is worth."""
+    rng, sd, costs = np.random.default_rng(3), 0.2, np.array([5.0, 5.0, 6.2])
+    places = np.array([[0.0, 0.0], [0.5, -0.3], [-0.4, 0.8]])
+    found = FitSearch(start=places[0], u=places[0], start_cost=9.0, cost=costs[0], success=True, message="",
+                      evaluations=1, failed=0, beside=np.column_stack([costs, places])[1:])
+    worth = np.exp(-costs) / np.exp(-costs).sum()
+    drawn_of = places[rng.choice(3, size=400_000, p=worth)] + sd * rng.normal(size=(400_000, 2))
+    term = series(np.eye(2), times=None, name="bench", weight=math.sqrt(1.0 / sd**2 - 1.0))
+    told = uncertainty(FitParameters([plain("a"), plain("b")]), places[0], [term, prior(2)], NOISE, found.apart)
+    moments = drawn_of.T @ drawn_of / len(drawn_of)
+    np.testing.assert_allclose(told.share_of_prior, np.sqrt(np.diag(moments)), rtol=0.01)
+    assert told.correlation[0, 1] == pytest.approx(moments[0, 1] / np.sqrt(np.prod(np.diag(moments))), abs=0.01)
 
 
 def test_what_the_fit_holds_is_as_wrong_as_its_prior_allows():

@@ -326,7 +326,8 @@ def _finished(fit: ContactFit, searches: tuple[FitSearch, ...], began: float) ->
     """At the lowest converged search whose walks are sound; else a failed solution at the best."""
     def at(i: int, *, success: bool, message: str) -> ContactFitSolution:
         u = searches[i].u
-        end = JointEnd(u=u, evaluation=fit.evaluate(u), searches=searches, best=i, uncertainty=uncertainty_at(fit, u))
+        end = JointEnd(u=u, evaluation=fit.evaluate(u), searches=searches, best=i,
+                       uncertainty=uncertainty_at(fit, u, searches[i].apart))
         return ContactFitSolution(fit=fit, success=success, message=message, end=end,
                                   wall_s=time.perf_counter() - began)
 

@@ -55,6 +55,15 @@ class FitSearch:
     failed: int  # so many of these ended in a SimulationError
     cut: bool = False  # by the time limit
     smooth: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (P,) the end of the first stage, if it had one
+    beside: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    """(k, 1 + P) other minima that it hopped into: cost and u of each."""
+
+    @property
+    def apart(self) -> np.ndarray:
+        """(k, P) by how much these are off, times the root of what each is worth beside the best one and all others."""
+        beside = self.beside.reshape(-1, 1 + len(self.u))
+        worth = np.exp(self.cost - beside[:, :1])
+        return np.asarray(np.sqrt(worth / (1.0 + worth.sum())) * (beside[:, 1:] - self.u))
 
 
 def run_searches(
@@ -69,8 +78,10 @@ def run_searches(
     starts, size = fit.joint.starts, len(fit.parameters)
 
     def read(row: Mapping[str, Any]) -> FitSearch:
-        ends = {name: np.array(row[name], dtype=float).reshape(size) for name in ("start", "u")}
+        ends: dict[str, np.ndarray] = {
+            name: np.array(row[name], dtype=float).reshape(size) for name in ("start", "u")}
         ends["smooth"] = np.array(row["smooth"], dtype=float).reshape(-1, size).ravel()
+        ends["beside"] = np.array(row["beside"], dtype=float).reshape(-1, 1 + size)
         costs = {name: np.inf if row[name] is None else float(row[name]) for name in ("start_cost", "cost")}
         return FitSearch(**{**row, **ends, **costs})
 
@@ -138,13 +149,14 @@ def search(
         others: searches of the same fit; one that is met in the first stage is where this one ends too.
     """
     start, smooth = np.clip(start, *fit.parameters.bounds), np.zeros(0)
+    beside = np.zeros((0, 1 + len(start)))
     tried = _Tried(fit, progress, until)
     try:
         first = tried.at(start)
         if first is None or not np.isfinite(first.cost):
             return FitSearch(start=start, u=start, start_cost=np.inf, cost=np.inf, success=False,
                              message=f"the walk fails where the search starts: {tried.failure}",
-                             evaluations=tried.count, failed=tried.failed)
+                             evaluations=tried.count, failed=tried.failed, beside=beside)
         start_cost = first.cost
         if fit.joint.solver != "gauss_newton":
             success, message = _drake(fit, tried, start)
@@ -155,7 +167,7 @@ def search(
             if met is not None:
                 return replace(others[met], start=start, start_cost=start_cost, evaluations=tried.count,
                                failed=tried.failed, message=f"it met search {met + 1}: {others[met].message}")
-            success, message = _hopped(tried)
+            success, message, beside = _hopped(tried)
         left, again = _left_to_gain(tried), AGAIN
         while success and left > ENOUGH and again:
             before = tried.best_cost
@@ -173,7 +185,8 @@ def search(
             raise
         success, message = False, f"the time limit of {fit.joint.time_limit_s:g} s ended it"
     return FitSearch(start=start, u=tried.best, start_cost=start_cost, cost=tried.best_cost, success=success,
-                     message=message, evaluations=tried.count, failed=tried.failed, cut=tried.late, smooth=smooth)
+                     message=message, evaluations=tried.count, failed=tried.failed, cut=tried.late, smooth=smooth,
+                     beside=beside)
 
 
 def _smoothed(tried: _Tried, start: np.ndarray, others: Sequence[FitSearch]) -> tuple[np.ndarray, int | None]:
@@ -191,16 +204,30 @@ def _smoothed(tried: _Tried, start: np.ndarray, others: Sequence[FitSearch]) -> 
     return smooth, None
 
 
-def _hopped(tried: _Tried) -> tuple[bool, str]:
-    """Whether a search from the last stage's end converged, what is beside its own end included, and how it ended."""
-    success, message = _descend(tried, tried.last)
-    if not success:
-        return success, message
-    for p in (p for p, name in enumerate(tried.fit.parameters.names) if HOPS.fullmatch(name)):
-        for way in (-1.0, 1.0):
-            beside = tried.best + way * np.eye(len(tried.best))[p]
-            _descend(tried, np.clip(beside, *tried.fit.parameters.bounds), tolerance=HOP_TOLERANCE)
-    return _descend(tried, tried.best)
+def _hopped(tried: _Tried) -> tuple[bool, str, np.ndarray]:
+    """Whether a search from the last stage's end converged, what is beside its own end included, how it ended, and the
+    other minima (k, 1 + P): those from which the best one is no step of ENOUGH away."""
+    ends = list[np.ndarray]()
+
+    def down(begin: np.ndarray, tolerance: float | None = None) -> tuple[bool, str]:
+        ended = _descend(tried, begin, tolerance=tolerance)
+        if ended[0] and (there := tried.at(tried.last)) is not None:
+            ends.append(np.array([there.cost, *tried.last]))
+        return ended
+
+    success, message = down(tried.last)
+    if success:
+        for p in (p for p, name in enumerate(tried.fit.parameters.names) if HOPS.fullmatch(name)):
+            for way in (-1.0, 1.0):
+                beside = tried.best + way * np.eye(len(tried.best))[p]
+                down(np.clip(beside, *tried.fit.parameters.bounds), HOP_TOLERANCE)
+        success, message = down(tried.best)
+    apart, best = list[np.ndarray](), tried.at(tried.best)
+    for end in sorted(ends, key=lambda end: float(end[0])):
+        if best is not None and all(0.5 * np.sum((best.jacobian @ (end[1:] - other)) ** 2) > ENOUGH
+                                    for other in (tried.best, *(known[1:] for known in apart))):
+            apart.append(end)
+    return success, message, np.array(apart).reshape(-1, 1 + len(tried.best))
 
 
 def _left_to_gain(tried: _Tried) -> float:
@@ -333,8 +360,10 @@ def _drake(fit: ContactFit, tried: _Tried, start: np.ndarray) -> tuple[bool, str
 # whatever weight the series got. Parameters c that the fit holds are known no better than their priors say: an error of
 # one standard deviation in them moves the estimate by -H^-1 J^T J_c, so that J^T J_c J_c^T J joins the sum in brackets
 # (consider parameters: Schmidt 1966, Adv. Control Syst. 3; Tapley, Schutz & Born 2004, Statistical Orbit Determination,
-# ch. 6). Freeing them all instead gives them what the model gets wrong. Singular values of the data's part of J say
-# how much more the data know than the prior in each direction: below 1 they know less.
+# ch. 6). Freeing them all instead gives them what the model gets wrong. Minima u_k beside the best one count by what
+# their costs make them worth, w_k = exp(-cost_k) over the sum of all, each as wide as the best one: sum_k w_k (u_k - u)
+# (u_k - u)^T is added (Laplace's approximation at every mode). Singular values of the data's part of J say how much
+# more the data know than the prior in each direction: below 1 they know less.
 
 SURE_SHARE = 0.5
 """A parameter whose standard error is above this part of its prior's is not identified: what is said of it is mostly
@@ -371,18 +400,20 @@ class Uncertainty:
     together: tuple[Pair, ...]
 
 
-def uncertainty_at(fit: ContactFit, u: np.ndarray) -> Uncertainty:
+def uncertainty_at(fit: ContactFit, u: np.ndarray, apart: np.ndarray | None = None) -> Uncertainty:
     """How well the fit tells its parameters at u (P,); what it holds is as uncertain as its prior."""
     every = fit.with_parameters(fit.parameters.with_held())
     terms = every.evaluate(every.parameters.u(fit.parameters.values(u))).terms
-    return uncertainty(fit.parameters, u, terms, fit.joint.noise)
+    return uncertainty(fit.parameters, u, terms, fit.joint.noise, apart)
 
 
 def uncertainty(
-    parameters: FitParameters, u: np.ndarray, terms: Sequence[ResidualTerm], noise: FitNoise
+    parameters: FitParameters, u: np.ndarray, terms: Sequence[ResidualTerm], noise: FitNoise,
+    apart: np.ndarray | None = None
 ) -> Uncertainty:
     """At the solution u (P,) with the terms of its evaluation, derivatives included: by the P, and by any number of
-    those that the fit holds. Directions that neither data nor prior tell have infinite errors."""
+    those that the fit holds. Directions that neither data nor prior tell have infinite errors. `apart` (k, P) as of a
+    `FitSearch`."""
     count, names = len(parameters), parameters.names
     information, spread, data = np.zeros((count, count)), np.zeros((count, count)), [np.zeros((0, count))]
     by_held = np.zeros((count, terms[0].by.shape[1] - count))
@@ -404,6 +435,7 @@ def uncertainty(
     seen = directions[:, ~untold]
     inverse = seen @ np.diag(1.0 / known[~untold]) @ seen.T
     covariance = inverse @ (spread + by_held @ by_held.T) @ inverse
+    covariance += 0.0 if apart is None else apart.T @ apart
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     sd[(np.abs(directions[:, untold]) > _PART).any(axis=1)] = np.inf
 

@@ -170,7 +170,7 @@ def fit_json(table: FitTable) -> dict[str, Any]:
     """What `fit.json` holds of the table."""
     values: dict[str, Any] = plain(table)
     for search in values["searches"]:
-        del search["start"], search["u"], search["smooth"]
+        del search["start"], search["u"], search["smooth"], search["beside"]
     for trial in values["trials"]:
         trial.update(trial.pop("score") or {})
         trial.pop("curves", None)
