@@ -13,7 +13,6 @@ import typer.main
 from vsf_drake.analysis.tuning.schedule import _TaskFile
 from vsf_drake.bench_curves import _BenchFile
 from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
-    GUIDES,
     device,
     doctor,
     fit,
@@ -24,6 +23,7 @@ from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
     tune,
 )
 from vsf_drake.cli.app import app
+from vsf_drake.cli.guide import GUIDES
 from vsf_drake.contact_file import FittedContact
 from vsf_drake.ground import Ground
 from vsf_drake.motion.manifest import Manifest, StatedSubject

@@ -13,7 +13,6 @@ import pydrake.solvers
 from command_line import exit_code
 
 import vsf_drake.simulation.bench
-from vsf_drake.cli import GUIDES
 from vsf_drake.errors import SimulationError
 from vsf_drake.laws.compiled import kept_code
 
@@ -64,9 +63,3 @@ def test_a_drake_of_its_own_that_is_broken_is_to_be_installed_again(capsys, monk
     assert "Drake cannot be imported" in seen.err and "PYTHONPATH" not in seen.out
     needed = re.search(r'--force-reinstall\s+"(drake[^"]+)"', seen.out)[1]
     assert {"<1.59", ">=1.51"} == set(needed.removeprefix("drake").split(","))
-
-
-def test_an_error_names_the_page_of_the_guide_that_says_what_the_command_takes(capsys, tmp_path):
-    assert exit_code("check", tmp_path / "none.yaml", "--out", tmp_path / "out") == 2
-    assert capsys.readouterr().err.endswith("guide: docs/guide/trials.md\n")
-    assert GUIDES["fit"] == "fit"

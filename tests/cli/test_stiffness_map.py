@@ -44,7 +44,7 @@ def test_what_cannot_be_asked_is_one_line_and_exit_code_2(folder, capsys, words,
     assert exit_code("map", "--out", folder, *words) == 2
     error = capsys.readouterr().err
     assert said.replace("no finite", "not a finite") in error
-    assert error.count("\n") == 2 and error.endswith("guide: docs/guide/stiffness_map.md\n")
+    assert error.count("\n") == 2 and "\nguide: docs/guide/" in error
 
 
 def test_help_names_the_number_of_draws_that_is_taken(capsys):
