@@ -21,7 +21,7 @@ def test_a_target_is_answered_from_the_saved_map_as_an_interval(folder, capsys):
     before = (folder / MAP.table).read_bytes()
     assert exit_code("map", "--out", folder, "--target", "stiffness=18", "--mass", "90", "--slope", "0") == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "stiffness 18 N/mm at 90 kg, slope 0 deg: fulcrum 106.0 mm" in said and "with 90 % of the contacts" in said
+    assert "stiffness 18 N/mm at 90 kg, slope 0 deg: fulcrum 106.0 mm" in said and "for 90 % of the contacts" in said
     assert "rolled at 106.0 mm: " in said and "no prescription" in said
     assert (folder / MAP.table).read_bytes() == before
 
