@@ -104,7 +104,7 @@ def test_foot_that_is_deeper_in_the_ground_than_its_foam_is_thick_is_noted(walke
         deepest = 1e3 * walk.record.site("depth").max()
         [note] = [note for note in walk_notes(walk, SUBJECT, model) if "into the ground" in note]
         assert note.startswith(f"The prosthetic foot goes {deepest:.0f} mm into the ground ({said}")
-        assert "30 mm of the foam" in note
+        assert "30 mm that the foam" in note
 
 
 @pytest.fixture(scope="module")
