@@ -14,7 +14,7 @@ import pytest
 import typer
 from PIL import Image
 
-from vsf_drake.cli import device, fit, recordings, stiffness_map, study, sweep, tune  # noqa: F401
+from vsf_drake.cli import device, doctor, fit, recordings, stiffness_map, study, sweep, tune  # noqa: F401
 from vsf_drake.cli.app import app
 from vsf_drake.parameters import FootParameters
 

@@ -301,8 +301,8 @@ class _SettingCurves:
 class _BenchFile:
     """The keys of a bench file; see the module's example."""
 
-    name: str
-    synthetic: bool = False
+    name: str  # of the foot
+    synthetic: bool = False  # nobody measured it: results say SYNTHETIC
     forefoot: tuple[_SettingCurves, ...]
     heel_stiffness_n_per_mm: float | None = quantity(None, unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured")
     stiffness_uncertainty_n_per_mm: float = quantity(unit="N/mm", low=1e-4, high=_HIGHEST, source="stated")

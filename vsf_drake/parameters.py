@@ -122,19 +122,22 @@ class ContactZone:
     Normal force stiffness * depth**exponent + damping that is full from `full_damping_depth_m` on.
     """
 
-    name: str
-    x_mm: tuple[float, ...] = quantity(unit="mm", low=-200.0, high=500.0, source=_PUBLIC)
-    y_mm: tuple[float, ...] = quantity(
+    name: str  # of the zone, by which a fit knows it
+    x_mm: tuple[float, ...] = quantity(unit="mm", low=-200.0, high=500.0, source=_PUBLIC)  # of each sphere, forward
+    y_mm: tuple[float, ...] = quantity(  # of each sphere, to the left
         unit="mm", low=-200.0, high=200.0, source="derived from the published count of 24")
-    rise_mm: tuple[float, ...] = quantity(unit="mm", low=-100.0, high=100.0, source=_CHOICE)
+    rise_mm: tuple[float, ...] = quantity(  # of each sphere's bottom over the flat sole
+        unit="mm", low=-100.0, high=100.0, source=_CHOICE)
     radius_m: float = quantity(unit="m", low=1e-4, high=0.2, source=_PUBLIC)
-    stiffness: float = quantity(
+    stiffness: float = quantity(  # of each sphere
         unit="N/m^exponent", low=0.0, high=1e30,
         source=f"derived from {_PAPER}'s 65 N/mm (heel) and studies/calibrate_device.py (midfoot, forefoot)")
-    exponent: float = quantity(1.0, unit="1", low=1.0, high=20.0, source=f"{_PAPER}: first guess 1")
-    damping_n_s_per_m: float = quantity(
+    exponent: float = quantity(  # of the depth in the normal force
+        1.0, unit="1", low=1.0, high=20.0, source=f"{_PAPER}: first guess 1")
+    damping_n_s_per_m: float = quantity(  # of each sphere
         unit="N s/m", low=0.0, high=1e7, source="choice: see FOAM_DAMPING_TIME_S")
-    full_damping_depth_m: float = quantity(1e-3, unit="m", low=1e-6, high=0.1, source=f"{_PAPER}: first guess 1 mm")
+    full_damping_depth_m: float = quantity(  # depth from which on the damping is full
+        1e-3, unit="m", low=1e-6, high=0.1, source=f"{_PAPER}: first guess 1 mm")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,11 +205,15 @@ class FootParameters:
 class BushingAxis:
     """One direction of the socket bushing; force (N or N m) opposes displacement (m or rad)."""
 
-    stiffness: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
-    stiffness_negative: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
+    stiffness: float = quantity(  # where the displacement is positive
+        unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
+    stiffness_negative: float = quantity(  # where it is negative
+        unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
     damping: float = quantity(unit="N s/m or N m s/rad", low=0.0, high=1e9, source=f"{_CHOICE}: stiffness times 10 ms")
-    limit: float = quantity(unit="m or rad", low=1e-6, high=1.0, source=_SOCKET)
-    rate_limit: float = quantity(unit="m/s or rad/s", low=1e-6, high=100.0, source=_CHOICE)
+    limit: float = quantity(  # displacement at which the stop begins
+        unit="m or rad", low=1e-6, high=1.0, source=_SOCKET)
+    rate_limit: float = quantity(  # rate at which the stop begins
+        unit="m/s or rad/s", low=1e-6, high=100.0, source=_CHOICE)
 
 
 def _axis(source: str, stiffness: float, limit: float, rate_limit: float, negative: float | None = None) -> Any:

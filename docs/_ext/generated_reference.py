@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
+import inspect
+import io
+import re
+import textwrap
+import tokenize
 import typing
 from collections.abc import Iterator
 from typing import Any
@@ -13,7 +19,6 @@ import typer.main
 from vsf_drake.analysis.tuning.schedule import _TaskFile
 from vsf_drake.bench_curves import _BenchFile
 from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
-    GUIDES,
     device,
     doctor,
     fit,
@@ -24,6 +29,7 @@ from vsf_drake.cli import (  # noqa: F401 (each adds its commands)
     tune,
 )
 from vsf_drake.cli.app import app
+from vsf_drake.cli.guide import GUIDES
 from vsf_drake.contact_file import FittedContact
 from vsf_drake.ground import Ground
 from vsf_drake.motion.manifest import Manifest, StatedSubject
@@ -56,8 +62,8 @@ def yaml_files() -> str:
     text = ["# YAML files, every key", "",
             "`[]` is a list, `{}` is by names, of variables or coordinates. An unknown key is refused.", ""]
     for name, (schema, what) in FILES.items():
-        text += [f"## {name}", "", what, "", "| key | what it takes | unit | range | default | source |",
-                 "|---|---|---|---|---|---|"]
+        text += [f"## {name}", "", what, "", "| key | meaning | what it takes | unit | range | default | source |",
+                 "|---|---|---|---|---|---|---|"]
         text += ["| " + " | ".join(_cell(word) for word in row) + " |" for row in _keys(schema, "", ())]
         text.append("")
     return "\n".join(text)
@@ -84,17 +90,47 @@ def command_line() -> str:
 
 def _keys(schema: type, before: str, above: tuple[type, ...]) -> Iterator[tuple[str, ...]]:
     """A row for each key, those of a schema within it below."""
-    kinds = typing.get_type_hints(schema)
+    kinds, said = typing.get_type_hints(schema), _said(schema)
     for field in dataclasses.fields(schema):
         name, meta = f"{before}{field.name}", field.metadata
         inner, mark, plain = _inside(kinds[field.name])
         low, high = meta.get("low"), meta.get("high")
         takes = " or ".join(meta["options"]) if "options" in meta else plain
-        if takes or mark or inner is None:
-            yield (f"`{name}{mark}`", takes, meta.get("unit", ""), "" if low is None else f"{low:g} to {high:g}",
-                   _default(field), meta.get("source", ""))
+        kind, _, of_source = meta.get("source", "").partition(": ")
+        measured = of_source if kind in ("measured", "stated") else ""
+        meaning = said.get(field.name) or measured or _first_sentence(inner) or "–"
+        yield (f"`{name}{mark}`", meaning, takes or "keys", meta.get("unit", ""),
+               "" if low is None else f"{low:g} to {high:g}", _default(field), meta.get("source", ""))
         if inner and inner not in above:
             yield from _keys(inner, f"{name}{mark}.", (*above, schema))
+
+
+def _said(schema: type) -> dict[str, str]:
+    """What the sources say of each field of a dataclass and of those it inherits: the comment beside it, or the text
+    below it."""
+    said: dict[str, str] = {}
+    for cls in reversed(schema.__mro__):
+        try:
+            source = textwrap.dedent(inspect.getsource(cls))
+        except (OSError, TypeError):  # object, and what make_dataclass has made
+            continue
+        comments = [(token.start[0], token.string.lstrip("# ")) for token in
+                    tokenize.generate_tokens(io.StringIO(source).readline) if token.type == tokenize.COMMENT]
+        body = typing.cast(ast.ClassDef, ast.parse(source).body[0]).body
+        for node, following in zip(body, [*body[1:], None], strict=True):
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                beside = [text for line, text in comments if node.lineno <= line <= (node.end_lineno or 0)
+                          and not text.startswith(("noqa", "type:"))]
+                below = [following.value.value] if isinstance(following, ast.Expr) and isinstance(
+                    following.value, ast.Constant) else []
+                said[node.target.id] = " ".join([*beside, *map(str, below)])
+    return said
+
+
+def _first_sentence(schema: type | None) -> str:
+    """What the docstring of a schema begins with, "" if there is no schema or it has none of its own."""
+    text = " ".join(((schema and schema.__doc__) or "").split())
+    return "" if schema and text.startswith(f"{schema.__name__}(") else re.split(r"(?<!\.)\. ", text)[0].rstrip(".")
 
 
 def _inside(kind: Any) -> tuple[type | None, str, str]:

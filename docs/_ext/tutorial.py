@@ -6,7 +6,7 @@
                 is equal), `...` for anything
     ```shell    and all others are only shown
 
-Pictures that a page shows lie in `pictures/` beside it under the names that its code gives them;
+Pictures that a page shows lie in `pictures/` beside it under the names, and in the folders, that its code gives them;
 `python docs/_ext/tutorial.py PAGE...` runs pages and puts the pictures there.
 """
 
@@ -128,9 +128,10 @@ def _last_digit(number: str) -> float:
 
 def keep_pictures(page: Path, folder: Path) -> None:
     """Copies the pictures that `page` shows from the `folder` it has run in to where it shows them."""
-    (page.parent / "pictures").mkdir(exist_ok=True)
     for name in pictures(page):
-        shutil.copy(folder / name, page.parent / "pictures" / name)
+        kept = page.parent / "pictures" / name
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(folder / name, kept)
 
 
 def main(pages: list[str]) -> int:

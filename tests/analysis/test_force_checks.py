@@ -222,7 +222,7 @@ def test_mass_is_told_by_the_impulse(stated):
     assert check.mark == ("good" if stated == MASS else "doubtful" if stated > MASS else "unusable")
     assert ("agree" if stated == MASS else "-9 %" if stated > MASS else "+11 %") in check.sentence
     untold = force_checks.mass(LONG, total(under), rates(LONG)[0], np.zeros(len(LONG), bool), mass_kg=MASS, feet=1)
-    assert untold.value is None and "cannot be told" in untold.sentence
+    assert untold.value is None and "cannot be determined" in untold.sentence
 
 
 @pytest.mark.parametrize("late", [0.05, -0.05, 0.006, 0.0])

@@ -66,7 +66,7 @@ def test_a_contact_that_keeps_what_its_plates_taught_predicts_in_layers(run, tmp
     assert layers["layers"]["physics"]["grf_rmse_bw"] == pytest.approx(found["grf_rmse_bw"], rel=1e-9)
     momentum = layers["layers"]["momentum"]
     assert f"with momentum {100 * momentum['grf_rmse_bw']:.1f} %, with discrepancy" in out
-    assert "Momentum corrects nothing: no fitted trial tells" in out and max(map(len, out.splitlines()[:-1])) <= 80
+    assert "Momentum corrects nothing: no fitted trial shows" in out and max(map(len, out.splitlines()[:-1])) <= 80
     assert layers["added_rms_bw"] > 0.03 and not layers["fitted"]
     for name in ("vertical_rmse_bw", "fore_aft_rmse_bw"):
         assert layers["layers"]["discrepancy"][name] != found[name]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import importlib.metadata
+import os
 import re
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pydrake.solvers
 from command_line import exit_code
 
 import vsf_drake.simulation.bench
-from vsf_drake.cli import GUIDES
 from vsf_drake.errors import SimulationError
 from vsf_drake.laws.compiled import kept_code
 
@@ -42,7 +44,22 @@ def test_a_missing_solver_and_a_foot_that_does_not_run_end_with_an_error(capsys,
     assert "FAILED" in seen.out and "the keel gave way" in seen.err
 
 
-def test_an_error_names_the_page_of_the_guide_that_says_what_the_command_takes(capsys, tmp_path):
-    assert exit_code("check", tmp_path / "none.yaml", "--out", tmp_path / "out") == 2
-    assert capsys.readouterr().err.endswith("guide: docs/guide/trials.md\n")
-    assert GUIDES["fit"] == "fit"
+def test_a_module_in_the_place_of_drake_is_found_out_without_a_traceback(tmp_path):
+    """Of a new process: in this one Drake is loaded."""
+    (tmp_path / "pydrake").mkdir()
+    (tmp_path / "pydrake/__init__.py").write_text("raise OSError('libdrake.so: cannot open shared object file')")
+    path = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
+    done = subprocess.run([sys.executable, "-c", "from vsf_drake.cli import main; main()", "doctor"], text=True,
+                          env=os.environ | {"PYTHONPATH": path}, capture_output=True, check=False)
+    assert done.returncode == SimulationError.exit_code
+    assert done.stderr == "error: Drake cannot be imported: OSError: libdrake.so: cannot open shared object file\n"
+    assert str(tmp_path / "pydrake/__init__.py") in done.stdout and "PYTHONPATH" in done.stdout
+
+
+def test_a_drake_of_its_own_that_is_broken_is_to_be_installed_again(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pydrake.solvers", None)
+    assert exit_code("doctor") == SimulationError.exit_code
+    seen = capsys.readouterr()
+    assert "Drake cannot be imported" in seen.err and "PYTHONPATH" not in seen.out
+    needed = re.search(r'--force-reinstall\s+"(drake[^"]+)"', seen.out)[1]
+    assert {"<1.59", ">=1.51"} == set(needed.removeprefix("drake").split(","))

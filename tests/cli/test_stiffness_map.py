@@ -21,7 +21,7 @@ def test_a_target_is_answered_from_the_saved_map_as_an_interval(folder, capsys):
     before = (folder / MAP.table).read_bytes()
     assert exit_code("map", "--out", folder, "--target", "stiffness=18", "--mass", "90", "--slope", "0") == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "stiffness 18 N/mm at 90 kg, slope 0 deg: fulcrum 106.0 mm" in said and "with 90 % of the contacts" in said
+    assert "stiffness 18 N/mm at 90 kg, slope 0 deg: fulcrum 106.0 mm" in said and "for 90 % of the contacts" in said
     assert "rolled at 106.0 mm: " in said and "no prescription" in said
     assert (folder / MAP.table).read_bytes() == before
 
@@ -44,7 +44,7 @@ def test_what_cannot_be_asked_is_one_line_and_exit_code_2(folder, capsys, words,
     assert exit_code("map", "--out", folder, *words) == 2
     error = capsys.readouterr().err
     assert said.replace("no finite", "not a finite") in error
-    assert error.count("\n") == 2 and error.endswith("guide: docs/guide/stiffness_map.md\n")
+    assert error.count("\n") == 2 and "\nguide: docs/guide/" in error
 
 
 def test_help_names_the_number_of_draws_that_is_taken(capsys):

@@ -208,7 +208,7 @@ def test_doubts_about_a_walk_are_told_and_a_foot_in_the_air_is_never_the_best(ru
     words = ("sweep", LOW, "--workers", 1, "--vary")
     code, said, _ = run(*words, "offset.height=0,0.2", "--out", tmp_path / "a")
     assert code == 0 and said.startswith("! UNFITTED: the foot is a first guess")
-    assert "at best, at offset.height 0 ! notes on 1 of 2 walks" in " ".join(said.split())
+    assert "at best, at offset.height 0 ! 1 of 2 walks have notes" in " ".join(said.split())
     sound, doubtful = rows(tmp_path / "a")
     assert sound["notes"] == "" and "0.00 body weights" in doubtful["notes"]
     assert float(doubtful["peak_vertical_bw"]) == 0.0

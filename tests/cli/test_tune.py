@@ -68,7 +68,7 @@ def test_results_are_written_and_the_screen_says_what_was_found(run, tmp_path, m
     assert (code, err.strip()) == (0, "")
     said = " ".join(out.split())
     assert said.startswith("Fulcrum 104.2 mm, SYNTHETIC data: least cost, 2 BW (joint load)")
-    assert "Cost against that at 66 mm -12.7 %, at 151 mm -18.0 %" in said and said.endswith("report.html")
+    assert "Cost compared with that at 66 mm -12.7 %, at 151 mm -18.0 %" in said and said.endswith("report.html")
     assert len(lines := list(filter(None, out.splitlines()))) == 3 and max(map(len, lines[:2])) <= 80
     table = read_json(tmp_path / "out" / "tuning.json")
     assert (table["trials"], table["recorded_mm"]) == (["low_2", "high_2"], [66.0, 151.0])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import tutorial
 from contact_comparison import WAYS
+from matplotlib import pyplot
 from matplotlib.image import imread
 
 from vsf_drake.plants.foot import CONTACTS
@@ -33,7 +34,7 @@ def test_the_page_on_contacts_wires_a_foot_and_has_every_contact_under_every_way
 def test_tutorial_does_what_it_says(page, tmp_path):
     with matplotlib.rc_context({"backend": "agg"}):
         wrong = tutorial.run(page, tmp_path)
-        matplotlib.pyplot.close("all")
+        pyplot.close("all")
     assert not wrong, "\n\n".join(wrong)
     for name in tutorial.pictures(page):
         made, shown = imread(tmp_path / name), imread(page.parent / "pictures" / name)
@@ -43,7 +44,7 @@ def test_tutorial_does_what_it_says(page, tmp_path):
 
 def test_every_figure_in_a_tutorial_is_checked():
     """What a block prints is followed by what the reader will see; nothing else is run."""
-    assert {path.stem for path in TUTORIALS} == {"researcher", "roboticist", "tester"}
+    assert {path.stem for path in TUTORIALS} == {"prosthetist", "researcher", "roboticist", "tester"}
     for page in TUTORIALS:
         blocks = tutorial.blocks(page)
         assert {block.language for block in blocks} <= {"python", "bash", "text", "shell"}

@@ -17,7 +17,7 @@ import port_text
 import pytest
 from made_systems import public_diagrams, public_systems
 
-from vsf_drake.cli import GUIDES
+from vsf_drake.cli.guide import GUIDES
 from vsf_drake.parameters import FulcrumParameters
 
 ROOT = Path(__file__).resolve().parents[2]

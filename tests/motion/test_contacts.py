@@ -109,7 +109,7 @@ def test_plates_without_centre_of_pressure_are_told_by_time():
     blind = [dataclasses.replace(p, cop_m=np.full_like(p.cop_m, np.nan)) for p in made.everywhere()]
     result = made.assign(*blind)
     assert dict(made.sides(result)) == {"R0": "right", "R1": "right", "L0": "left", "L1": "left"}
-    assert not result.plates["right"].has_cop and "told by its times" in result.contacts[0].warning
+    assert not result.plates["right"].has_cop and "identified by its times" in result.contacts[0].warning
 
 
 @pytest.mark.parametrize("change", [{"shift": (0.0, 1.0)}, {"rotate": np.pi / 2, "shift": (0.5, 0.6)},

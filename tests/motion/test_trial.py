@@ -227,7 +227,7 @@ def test_prosthetic_ankle_of_the_model_is_where_the_markers_show_it(side):
     for name in ("pelvis_tx", "pelvis_ty", "pelvis_tz"):
         moved.values[:, moved.names.index(name)] = trial.trajectory.values[:, trial.trajectory.names.index(name)]
     assert np.allclose(model_ankle(moved, trial.calibration, trial.subject), feet(Person())[side].ankle_W, atol=1e-3)
-    assert any("prosthetic_thigh_length_m is stated as 0.460 m; the markers tell 0.4" in n for n in trial.notes)
+    assert any("prosthetic_thigh_length_m is stated as 0.460 m; the markers give 0.4" in n for n in trial.notes)
 
 
 def test_mass_that_is_not_stated_comes_from_a_stride_and_makes_the_person_that_stating_it_makes():

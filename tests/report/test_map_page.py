@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from made_map import made_map
+from made_map import AXES, made_map
 
 from vsf_drake.analysis.published import published_effects
 from vsf_drake.errors import InputError
@@ -60,6 +60,13 @@ def test_published_means_are_bands_in_the_panels_that_have_them():
 def test_a_radius_that_is_not_known_everywhere_is_said_and_the_rest_stands(tmp_path):
     text = page(tmp_path, unknown=True)
     assert "radius is unknown in 3 of 96 cells" in text and "EFLR" in text
+
+
+def test_a_map_of_one_mass_and_one_slope_has_its_figure_too(tmp_path, monkeypatch):
+    for name, value in (("mass_kg", 80.0), ("slope_deg", 0.0)):
+        monkeypatch.setitem(AXES, name, (value,))
+    page(tmp_path)
+    assert [path.name for path in (tmp_path / "figures").iterdir()] == ["by_mass.png"]
 
 
 def test_rows_hold_the_ends_of_the_reach_and_their_bands():

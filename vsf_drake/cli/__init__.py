@@ -9,14 +9,10 @@ import sys
 import threading
 from typing import Any, Self
 
+from vsf_drake.cli.guide import GUIDES, guide_to
 from vsf_drake.errors import InputError, VsfError, interrupted_lately, note_interruption
 
 RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
-GUIDES = {
-    "bench": "commands", "simulate": "trials", "validate": "validate", "report": "results",
-    "import": "laboratory_files", "check": "trials", "sweep": "sweep", "fit": "fit", "tune": "tune", "schedule": "tune",
-    "map": "stiffness_map", "show": "drake", "export": "drake", "stand": "files_and_units", "doctor": "commands"}
-"""Commands as --help and docs/guide/commands.md order them; the page of docs/guide that says what each takes."""
 INTERRUPTED = "interrupted; results are written whole or not at all"
 
 
@@ -61,8 +57,9 @@ def _ended(signals: _Signals) -> int | str | None:
         from vsf_drake.cli.app import fail
 
         fail(str(error))
-        if isinstance(error, InputError) and (command := next(iter(sys.argv[1:]), "")) in GUIDES:
-            print(f"guide: docs/guide/{GUIDES[command]}.md", file=sys.stderr)
+        if isinstance(error, InputError) and (place := guide_to(error, sys.argv[1:])):
+            page, _, section = place.partition("#")
+            print(f"guide: docs/guide/{page}.md{section and f'#{section}'}", file=sys.stderr)
         return error.exit_code
     return 0
 

@@ -37,9 +37,9 @@ OptionalOut = Annotated[Path | None, typer.Option(parser=path, help="Folder for 
 Model = Annotated[Path | None, typer.Option(
     parser=path, help="Model file (YAML) instead of the nominal one, such as package://vsf_drake/soft_support.yaml.")]
 Contact = Annotated[Path | None, typer.Option(
-    parser=path, help="File of a contact fit, whose numbers replace the model's.")]
+    parser=path, help="File that `fit` wrote; its values replace the model's.")]
 Trials = Annotated[list[Path], typer.Argument(parser=path, metavar="TRIAL.yaml...", help="Trial manifests.")]
-Seed = Annotated[int, typer.Option(help="Of all that is random.", min=0)]
+Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
 
 def say(line: str) -> None:
@@ -163,6 +163,7 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _common(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")] = False,
+    version: Annotated[bool, typer.Option(
+        "--version", callback=_version, is_eager=True, help="Print the version.")] = False,
 ) -> None:
     pass

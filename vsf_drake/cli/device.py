@@ -20,7 +20,7 @@ def bench(
     model: Model = None,
     contact: Contact = None,
     fulcrum_mm: Annotated[list[float] | None, typer.Option(
-        help="Fulcrum position from the keel's posterior end; repeat for several. Default: the paper's five.")] = None,
+        help="Fulcrum position from the keel's posterior end; may be repeated. Default: the paper's five.")] = None,
     max_load_n: Annotated[float, typer.Option(help="Load at which a pass ends.")] = 600.0,
     speed_mm_per_min: Annotated[float, typer.Option(help="Speed of the platen.")] = 50.0,
     heel: Annotated[bool, typer.Option(help="Test the heel too.")] = True,
@@ -49,18 +49,18 @@ def export(
     model: Model = None,
     contact: Contact = None,
     fulcrum_mm: Annotated[float, typer.Option(
-        help="Where the fulcrum stands, from the keel's posterior end, in the files in which it cannot move.")] = 108.0,
+        help="Fulcrum position, from the keel's posterior end, in the files in which it is fixed.")] = 108.0,
     form: Annotated[str, typer.Option(
-        "--format", help="sdf (Drake, and what else reads SDFormat), mjcf (MuJoCo), or both.")] = "both",
+        "--format", help="sdf (Drake and other readers of SDFormat), mjcf (MuJoCo), or both.")] = "both",
     springs: Annotated[bool, typer.Option(
-        help="Write the keel's springs into vsf_foot.sdf; without them wire_foot brings them. "
-        "The files in which the fulcrum stands always have them.")] = True,
+        help="Write the keel's springs into vsf_foot.sdf; otherwise wire_foot adds them. "
+        "The files with a fixed fulcrum always have them.")] = True,
     collision: Annotated[bool, typer.Option(help="Write contact spheres as collision shapes into the SDF.")] = True,
 ) -> None:
     """Writes the rigid foot with its lumped springs as SDF and MJCF.
 
-    vsf_foot.sdf is for find_foot and wire_foot, which bring the movable fulcrum; the other files are whole without
-    this package, at one position of it. What a format cannot carry stands in the comment at the top of each file.
+    vsf_foot.sdf is for find_foot and wire_foot, which add the movable fulcrum; the other files are complete without
+    this package, at one fulcrum position. The comment at the top of each file says what its format cannot hold.
     """
     from vsf_drake.files import sha256, write_text
     from vsf_drake.model_file import check_fulcrum
@@ -105,11 +105,12 @@ def show(
     subject: Annotated[Path | None, typer.Option(parser=path, help=(
         "subject.yaml or a trial manifest, for a person; default: the embedded reference subject."))] = None,
     keel_joints: Annotated[bool, typer.Option(
-        "--keel-joints", help="A slider for each joint of the keel too, added to what the load does.")] = False,
-    port: Annotated[int | None, typer.Option(help="Port to serve on; default: any free one.")] = None,
+        "--keel-joints",
+        help="Also a slider for each joint of the keel, added to the deflection by the load.")] = False,
+    port: Annotated[int | None, typer.Option(help="Port to serve on. Default: any free one.")] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in the desktop's browser.")] = True,
     html: Annotated[Path | None, typer.Option(parser=path, help=(
-        "Write one page that opens without a network, with an animation instead of sliders, and end."))] = None,
+        "Write one page that opens without a network, with an animation instead of sliders, and exit."))] = None,
 ) -> None:
     """Shows the model in a browser, with sliders for every joint, the fulcrum and a load on the keel."""
     from vsf_drake.files import resource
@@ -134,16 +135,16 @@ def show(
 @app.command()
 def stand(
     subject: Annotated[Path, typer.Argument(
-        parser=path, help="subject.yaml, or a trial manifest, whose subject stands.")],
+        parser=path, help="subject.yaml, or a trial manifest that names the subject.")],
     out: Out,
     model: Model = None,
     contact: Contact = None,
     fulcrum_mm: Annotated[float, typer.Option(help="Fulcrum position from the keel's posterior end.")] = 108.0,
     duration_s: Annotated[float, typer.Option(help="How long to stand.")] = 10.0,
     upright: Annotated[bool, typer.Option(
-        "--upright", help="Hold the pelvis's angles in any case; without it they are as free as stays up.")] = False,
+        "--upright", help="Hold the pelvis's angles; otherwise as many of them are free as stay stable.")] = False,
 ) -> None:
-    """Stands the person at anatomically neutral angles: does the ground carry the weight, and which foot how much?"""
+    """Simulates standing at anatomically neutral angles: does the ground carry the weight, and how much each foot?"""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.contact_file import load_contact
     from vsf_drake.files import sha256
@@ -174,7 +175,7 @@ def simulate(
     trial: Annotated[Path, typer.Argument(parser=path, help="Trial manifest (YAML).")],
     out: Out,
     contact: Annotated[Path | None, typer.Option(parser=path, help=(
-        "File of a contact fit, whose numbers replace the model's; none: the unfitted foot. Default: the embedded "
+        "File that `fit` wrote; its values replace the model's. none: the unfitted foot. Default: the embedded "
         "contact for embedded trials, unless offsets are fitted, else none."))] = None,
     fit_offsets: Annotated[bool, typer.Option(
         "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis.")] = False,
@@ -183,9 +184,9 @@ def simulate(
     step_ms: Annotated[float, typer.Option(help="Step of the simulation.")] = 1.0,
     replay: Annotated[bool, typer.Option(help="Write the replay (HTML).")] = True,
     opensim: Annotated[bool, typer.Option(
-        "--opensim", help="Write walk_ik.mot and walk_grf.mot, too, for OpenSim.")] = False,
+        "--opensim", help="Also write walk_ik.mot and walk_grf.mot for OpenSim.")] = False,
 ) -> None:
-    """Drives the person by a recording and compares the predicted ground reaction with the force plate."""
+    """Drives the person with recorded motion and compares the predicted ground reaction force with the force plate."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.metrics import UNFITTED, unfitted_note
     from vsf_drake.analysis.prediction import layers_of

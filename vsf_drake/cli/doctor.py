@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import importlib.util
 import os
 import platform
 import re
@@ -19,7 +20,12 @@ _FOR_USERS = ("tables", "cluster", "bench", "spm", "docs")
 @app.command()
 def doctor() -> None:
     """Prints versions, cores, solvers, optional packages and the compiled code that is kept; presses the foot once."""
-    from pydrake.solvers import ClarabelSolver, IpoptSolver, NloptSolver, SnoptSolver
+    try:
+        from pydrake.solvers import ClarabelSolver, IpoptSolver, NloptSolver, SnoptSolver
+    except Exception as error:  # of any kind: a library that is missing, a numpy that does not fit, a foreign module
+        _say_drake_is_missing()
+        fail(f"Drake cannot be imported: {type(error).__name__}: {error}")
+        sys.exit(SimulationError.exit_code)
 
     import vsf_drake.systems  # noqa: F401 (before what is ours: Drake looks through all modules for each template)
     from vsf_drake.analysis.bench_metrics import bench_table
@@ -42,6 +48,17 @@ def doctor() -> None:
     if broken or not all(solvers.values()):
         fail(broken or "a solver that Drake's own wheel has is missing: install Drake from PyPI")
         sys.exit(SimulationError.exit_code)
+
+
+def _say_drake_is_missing() -> None:
+    """Prints where this Python looks for Drake and what to do; without Drake nothing else can be asked."""
+    found = importlib.util.find_spec("pydrake")
+    installed = next(iter(importlib.metadata.distributions(name="drake")), None)
+    own = installed and str(installed.locate_file("pydrake/__init__.py"))
+    needed = next(line for line in importlib.metadata.requires("vsf-drake") or () if line.startswith("drake"))
+    print_text("no_drake", version=importlib.metadata.version("vsf-drake"), drake=installed and installed.version,
+               needed=needed, found=found and found.origin, own=own, system=platform.platform(),
+               python=sys.executable, python_version=platform.python_version())
 
 
 def _lacking() -> dict[str, list[str]]:

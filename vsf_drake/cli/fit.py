@@ -20,31 +20,34 @@ def fit(
     out: Out,
     bench: Annotated[Path | None, typer.Option(
         parser=path, metavar="BENCH.yaml|CURVES.csv",
-        help="The foot on a testing machine, so that what is fitted stays that foot: stiffness, or curves.")] = None,
+        help="The foot as measured on a testing machine, for the fitted foot to agree with: stiffness or curves.",
+    )] = None,
     hold_out: Annotated[list[Path] | None, typer.Option(
         parser=path, metavar="TRIAL.yaml",
-        help="A trial that judges the fit and is not fitted; repeat it for more.")] = None,
+        help="A trial that is not fitted and on which the fit is judged; may be repeated.")] = None,
     held_out_height: Annotated[bool, typer.Option(
         "--held-out-height", help="Judge each held-out trial at a height that is fitted to its own plate.")] = False,
     strategy: Annotated[str, typer.Option(
         metavar="joint|paper", help="All trials at once with priors, or the paper's procedure.")] = JOINT,
     starts: Annotated[int | None, typer.Option(help="Searches from different starts.", min=1, show_default="5")] = None,
-    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn at random.", min=0)] = 0,
     solver: Annotated[str | None, typer.Option(
-        metavar="gauss_newton|snopt|ipopt|nlopt", help="Of each search.", show_default="gauss_newton")] = None,
+        metavar="gauss_newton|snopt|ipopt|nlopt", help="Solver of each search.", show_default="gauss_newton")] = None,
     free: Annotated[list[str] | None, typer.Option(
-        metavar="NAME", help="A frozen parameter to fit as well, or a prefix: 'friction.*'; repeat it.")] = None,
+        metavar="NAME", help="A frozen parameter to fit as well, or a prefix: 'friction.*'; may be repeated.")] = None,
     freeze: Annotated[list[str] | None, typer.Option(
-        metavar="NAME", help="A parameter to leave where it starts, or a prefix: 'curve.*'; repeat it.")] = None,
+        metavar="NAME",
+        help="A parameter to keep at its start value, or a prefix: 'curve.*'; may be repeated.")] = None,
     prior: Annotated[list[str] | None, typer.Option(
         metavar="NAME=SD", help="How well a parameter was known before: 'curve.*=1.5deg'; in its unit, deg or mm, "
-                                "of its logarithm where that is fitted; repeat it.")] = None,
+                                "of its logarithm where that is fitted; may be repeated.")] = None,
     prior_file: Annotated[Path | None, typer.Option(
-        parser=path, metavar="PRIORS.yaml", help="The same, a line NAME: SD each; --prior goes before it.")] = None,
+        parser=path, metavar="PRIORS.yaml",
+        help="The same from a file, one line NAME: SD each; --prior has precedence.")] = None,
     iterations: Annotated[int | None, typer.Option(
-        help="Most walks of a search.", min=1, show_default="100")] = None,
+        help="Largest number of walks of a search.", min=1, show_default="100")] = None,
     time_limit: Annotated[float | None, typer.Option(
-        metavar="SECONDS", help="After which the search ends where it is.", min=1.0)] = None,
+        metavar="SECONDS", help="Time after which the search ends where it is.", min=1.0)] = None,
     resultant: Annotated[bool, typer.Option(
         "--resultant", help="Compare the size of the force instead of its three components.")] = False,
     no_cop: Annotated[bool, typer.Option("--no-cop", help="Do not compare the centre of pressure.")] = False,
@@ -52,17 +55,17 @@ def fit(
         "--paths", help="Fit a slow correction of the pelvis's path in each trial.")] = False,
     damping_by_zone: Annotated[bool, typer.Option(
         "--damping-by-zone", help="Fit the damping of each zone instead of one for all.")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the interrupted fit in --out.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the interrupted fit in --out.")] = False,
     quick: Annotated[bool, typer.Option(
         "--quick", help="One search, no fulcrum sweeps, no trial left out in turn.")] = False,
 ) -> None:
-    """Fits the contact of the foot to one or more trials, and says in numbers and words what the fit is worth.
+    """Fits the contact of the foot to one or more trials, and reports how well it predicts.
 
     Give trials at two or more fulcrum positions, a bench and some held-out trials: one stiffness alone does not
     identify the model. contact.yaml, for --contact of the other commands, is written only if the fit succeeded; a fit
-    that failed ends with exit code 4 and says in fit.json and report.html how far it came, what stood in the way and
-    what to do. Ctrl-C, a time limit and too few iterations leave a checkpoint from which the same command with --resume
-    goes on.
+    that failed ends with exit code 4 and says in fit.json and report.html how far it came, what stood in the way
+    and what to do. Ctrl-C, a time limit and too few iterations leave a checkpoint, from which the same command
+    continues with --resume.
     """
     given = [option for option, chosen in (
         ("--starts", starts is not None), ("--solver", solver), ("--free", free), ("--freeze", freeze),

@@ -24,39 +24,44 @@ def import_trials(
         "standing trial name the walk twice.")] = None,
     out: OptionalOut = None,
     list_markers: Annotated[Path | None, typer.Option(
-        parser=path, help="Only print this file's labels and a marker map started from them.")] = None,
+        parser=path, help="Only print this file's labels and the beginning of a marker map made from them.")] = None,
     prosthetic_side: Annotated[str | None, typer.Option(help="right or left.")] = None,
     sex: Annotated[str | None, typer.Option(help="male or female.")] = None,
-    mass_kg: Annotated[float | None, typer.Option(help="Prosthesis included; else from the forces.")] = None,
-    stature_m: Annotated[float | None, typer.Option(help="Else from the leg's length.")] = None,
-    name: Annotated[str | None, typer.Option(help="What reports call the person.")] = None,
+    mass_kg: Annotated[float | None, typer.Option(
+        help="Body mass, prosthesis included. Default: from the forces.")] = None,
+    stature_m: Annotated[float | None, typer.Option(help="Stature. Default: from the leg's length.")] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the person in reports.")] = None,
     subject: Annotated[Path | None, typer.Option(
-        parser=path, help="YAML with what is known of the person, instead.")] = None,
+        parser=path, help="YAML file of the person, instead of the options above.")] = None,
     fulcrum_mm: Annotated[list[float] | None, typer.Option(
-        help="Fulcrum position from the keel's posterior end; once, or once a walk in their order. Default: 108, "
-        "mid-range.")] = None,
+        help="Fulcrum position from the keel's posterior end; once, or once per walk in their order. Default: "
+        "108, mid-range.")] = None,
     marker_map: Annotated[str | None, typer.Option(
-        "--map", "--marker-map", help="plug_in_gait, rajagopal, ior or a file. Default: what fits best.")] = None,
+        "--map", "--marker-map",
+        help="Marker map: plug_in_gait, rajagopal, ior or a file. Default: the best fit.")] = None,
     forces: Annotated[list[Path] | None, typer.Option(parser=path, help=(
-        "Force file of a walk, one for each in their order. Default: the one beside a .trc of like name."))] = None,
-    right_plate: Annotated[str | None, typer.Option(help="Plate under the right foot, if the file misleads.")] = None,
-    left_plate: Annotated[str | None, typer.Option(help="Plate under the left foot, if the file misleads.")] = None,
+        "Force file of each walk, in their order. Default: the file of the same name beside a .trc."))] = None,
+    right_plate: Annotated[str | None, typer.Option(
+        help="Plate under the right foot, if it is not detected correctly.")] = None,
+    left_plate: Annotated[str | None, typer.Option(
+        help="Plate under the left foot, if it is not detected correctly.")] = None,
     up: Annotated[str | None, typer.Option(help="Laboratory axis that points up: x, y, z, -x, ...")] = None,
     forward: Annotated[str | None, typer.Option(help="Laboratory axis of walking.")] = None,
     length_unit: Annotated[str | None, typer.Option(help="mm, cm or m, where the file does not say.")] = None,
     hip: Annotated[str, typer.Option(help="Hip centre: harrington, bell, hara or davis.")] = "harrington",
-    cutoff_hz: Annotated[float, typer.Option(help="Low-pass of the markers, zero-phase.")] = 6.0,
+    cutoff_hz: Annotated[float, typer.Option(help="Cut-off of the zero-phase low-pass of the markers.")] = 6.0,
     already_filtered: Annotated[bool, typer.Option("--already-filtered", help="Do not filter them again.")] = False,
     longest_gap_s: Annotated[float, typer.Option(help="Longest gap of a marker to fill.")] = 0.1,
     window: Annotated[tuple[float, float] | None, typer.Option(
         metavar="START END", help="Part of the walks to use, in s. Default: the prosthetic foot's stances on "
         "plates and 0.3 s around them.")] = None,
-    belt_speed_m_per_s: Annotated[float, typer.Option(help="Of a treadmill; + when the belt runs backward.")] = 0.0,
+    belt_speed_m_per_s: Annotated[float, typer.Option(
+        help="Belt speed of a treadmill; + when the belt runs backward.")] = 0.0,
     scale_prosthesis: Annotated[bool, typer.Option(
         "--scale-prosthesis", help="Make the model's prosthetic foot as long as the recorded one.")] = False,
     ik: Annotated[bool, typer.Option("--ik", help="Refine the angles by a global inverse kinematics.")] = False,
     synthetic: Annotated[bool, typer.Option(
-        "--synthetic", help="Nobody walked this: all results then say SYNTHETIC.")] = False,
+        "--synthetic", help="Nobody was recorded: all results then say SYNTHETIC.")] = False,
 ) -> None:
     """Turns recordings of a person with markers over force plates into trials that drive the model."""
     if list_markers is not None:
@@ -101,7 +106,7 @@ def import_trials(
 
 @app.command()
 def check(trials: Trials, out: Out, contact: Contact = None) -> None:
-    """Judges recorded trials without simulating: a mark, a number and a sentence for everything that can go wrong."""
+    """Judges the quality of recorded trials without simulating: a mark, a number and a sentence for every check."""
     from vsf_drake.analysis.recording.examine import examine
     from vsf_drake.motion.manifest import load_manifest
     from vsf_drake.report.import_outputs import CHECK, write_check

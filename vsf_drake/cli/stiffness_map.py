@@ -31,22 +31,23 @@ def stiffness_map(
     alignment: Annotated[str | None, typer.Option(
         metavar=_GRID, help="Degrees by which the foot is turned toe up against the pylon.", show_default="0")] = None,
     heel: Annotated[str | None, typer.Option(
-        metavar=_GRID, help="Stiffness of the heel's contact over the model's.", show_default="1")] = None,
+        metavar=_GRID, help="Stiffness of the heel's contact, relative to the model's.", show_default="1")] = None,
     target: Annotated[list[str] | None, typer.Option(
-        metavar="NAME=VALUE", help="Asks the map in --out, made first if there is none, which fulcrum gives it: "
-        "radius (m), eflr, moment_arm (mm), stored, returned (J), stiffness (N/mm). Repeat it for more.")] = None,
+        metavar="NAME=VALUE",
+        help="Finds the fulcrum position for a target in the map in --out, made first if there is none: "
+        "radius (m), eflr, moment_arm (mm), stored, returned (J), stiffness (N/mm). May be repeated.")] = None,
     load: Annotated[Path | None, typer.Option(
         parser=path, help="Load instead of ISO 22675's: CSV with time_s, tilt_deg, force_bw.")] = None,
     model: Model = None,
     contact: Contact = None,
     draws: Annotated[int | None, typer.Option(
-        help="Other contacts for the bands of 90 %; 0 for none.", show_default="40", min=0)] = None,
+        help="Number of other contacts for the bands of 90 %; 0 for no bands.", show_default="40", min=0)] = None,
     seed: Seed = 0,
-    workers: Annotated[int | None, typer.Option(help="Processes. Default: one a core.", min=1)] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes. Default: one per core.", min=1)] = None,
 ) -> None:
     """Maps stiffness, roll-over, energy and loading of the foot over mass, slope and fulcrum, with bands.
 
-    With --target: the fulcrum that gives it, as an interval, and what rolling the foot there gives; or the nearest.
+    With --target: the fulcrum position for it, an interval, and a check by rolling the foot there; or the nearest.
     """
     from vsf_drake.cli.sweep import values_of
     from vsf_drake.report.results_folder import PAGE

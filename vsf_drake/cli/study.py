@@ -29,19 +29,20 @@ def validate(
     bench: Annotated[Path | None, typer.Option(
         parser=path, help="Measured load-displacement curves: CSV with fulcrum_mm, displacement_mm, load_n.")] = None,
     quick: Annotated[bool, typer.Option(
-        "--quick", help="The short form: one embedded walk a setting, coarser steps, small samples.")] = False,
+        "--quick", help="The short form: one embedded walk per setting, coarser steps, small samples.")] = False,
     full: Annotated[bool, typer.Option(
         "--full", help="With what takes longest: which settings can be distinguished, sensitivity, energies in finer "
                        "steps. Of the embedded trials the first two come with the package.")] = False,
     recompute: Annotated[bool, typer.Option(
-        "--recompute", help="Compute all of --full, also what comes with the package.")] = False,
+        "--recompute", help="Compute all of --full, also the results that come with the package.")] = False,
     seed: Seed = 0,
     workers: Annotated[int | None, typer.Option(
-        help="Processes for many walks; default one a core. The numbers do not depend on it.", min=1)] = None,
+        help="Processes for many walks. Default: one per core. The numbers do not depend on it.", min=1)] = None,
     iso_force_n: Annotated[float | None, typer.Option(
-        help="Largest force of the ISO 22675 loading profile; default the subject's weight.")] = None,
+        help="Largest force of the ISO 22675 loading profile. Default: the subject's weight.")] = None,
     against: Annotated[str | None, typer.Option(
-        metavar="published", help="Instead: which published effects of stiffness the model reproduces.")] = None,
+        metavar="published",
+        help="Instead of the study: which published effects of stiffness the model reproduces.")] = None,
 ) -> None:
     """The paper's study and more, as one report: bench, standing, walking, energy, roll-over, sensitivity."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
@@ -134,7 +135,7 @@ def _against_published(against: str, trials: list[Path] | None, out: Path, conta
 def report(
     folder: Annotated[Path, typer.Argument(
         parser=path, help="Folder that `validate`, `tune`, `schedule` or `map` wrote with --out.")],
-    svg: Annotated[bool, typer.Option("--svg", help="Figures as SVG too, beside the PNG.")] = False,
+    svg: Annotated[bool, typer.Option("--svg", help="Write the figures as SVG too, beside the PNG.")] = False,
 ) -> None:
     """Makes a report again from its saved results; nothing is simulated."""
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)

@@ -46,26 +46,26 @@ def sweep(
         metavar="LOW:HIGH:COUNT", help="Fulcrum positions from the keel's posterior end, or a list: 66,87,108. "
         "Default: each trial's own.")] = None,
     vary: Annotated[list[str] | None, typer.Option(
-        metavar="NAME=LOW:HIGH:COUNT", help="Values of a variable, or a list: NAME=A,B,C; repeat it for a grid. "
+        metavar="NAME=LOW:HIGH:COUNT", help="Values of a variable, or a list: NAME=A,B,C; may be repeated, for a grid. "
         "With --sample: NAME, or NAME=LOW:HIGH.")] = None,
     sample: Annotated[int | None, typer.Option(
-        help="Instead of a grid, so many sets of values that fill the bounds (Latin hypercube).", min=1)] = None,
-    seed: Annotated[int, typer.Option(help="Of the sample.", min=0)] = 0,
+        help="Instead of a grid: this many sets of values that fill the bounds (Latin hypercube).", min=1)] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the sample.", min=0)] = 0,
     contact: Contact = None,
     fit_offsets: Annotated[bool, typer.Option(
         "--fit-offsets", help="First fit height, fore-aft position and alignment of the prosthesis, once a "
         "trial.")] = False,
     step_ms: Annotated[float, typer.Option(help="Step of the simulations.")] = 1.0,
-    workers: Annotated[int | None, typer.Option(help="Processes. Default: one a core.", min=1)] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes. Default: one per core.", min=1)] = None,
     parquet: Annotated[bool, typer.Option(
         "--parquet", help="Write sweep.parquet, too; needs the extra `tables`.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Thousands of walks are meant.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Confirm that thousands of walks are intended.")] = False,
     list_variables: Annotated[bool, typer.Option(
         "--list", help="Only print the variables of the trials: name, unit, value, bounds.")] = False,
 ) -> None:
-    """Walks every combination and compares each walk with its force plate.
+    """Simulates every combination and compares each walk with its force plate.
 
-    Finished walks are kept in the folder's cache: after an interruption the same command goes on where it stopped,
+    Finished walks are kept in the folder's cache: after an interruption the same command continues where it stopped,
     and a larger sweep with the same trials computes only what is new. Values are in the units that --list prints. A
     walk that fails is a row that says why; the exit code is 3 only if all of them fail.
     """

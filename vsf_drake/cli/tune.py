@@ -27,18 +27,19 @@ if TYPE_CHECKING:
     Options = level1.TuningOptions | level2.StrideOptions
     Arrays = dict[str, np.ndarray]
 
-Cost = Annotated[str, typer.Option(metavar=f"{'|'.join(COSTS)}|{WEIGHTED}", help="What is to be least.")]
+Cost = Annotated[str, typer.Option(metavar=f"{'|'.join(COSTS)}|{WEIGHTED}", help="The cost to be minimised.")]
 Weights = Annotated[str | None, typer.Option(
-    metavar="COST=NUMBER,...", help="Of the costs in --cost weighted, each over its size at the recorded setting.")]
+    metavar="COST=NUMBER,...",
+    help="Weights of the costs in --cost weighted, each divided by its value at the recorded setting.")]
 Level = Annotated[int, typer.Option(min=1, max=2, help="1: the recorded motion is kept. 2: the motion adapts "
                                     "(trajectory optimisation of a stride).")]
 Range = Annotated[tuple[float, float] | None, typer.Option(
-    metavar="LOW HIGH", help="Fulcrum positions (mm) to choose from; default the carriage's reach.")]
+    metavar="LOW HIGH", help="Range of fulcrum positions (mm) to choose from. Default: the carriage's reach.")]
 Joints = Annotated[str | None, typer.Option(
     metavar="JOINT,...", help="Level 1: joints whose moments count, of hip_flexion, hip_adduction, hip_rotation, "
     "knee_angle, knee_adduction, knee_rotation.")]
-Workers = Annotated[int | None, typer.Option(help="Threads for the walks; default one a core.", min=1)]
-Quick = Annotated[bool, typer.Option("--quick", help="A coarse sweep, one start, no solver asked for confirmation.")]
+Workers = Annotated[int | None, typer.Option(help="Threads for the walks. Default: one per core.", min=1)]
+Quick = Annotated[bool, typer.Option("--quick", help="A coarse sweep, one start, no second solver as a check.")]
 
 Asked = dict[str, Any]  # options as they were given, for the results; those left out are not in it
 Show = Callable[[str, float], None]
@@ -63,15 +64,15 @@ def tune(
     level: Level = 1,
     contact: Contact = None,
     design: Annotated[str | None, typer.Option(
-        metavar="NAME,...", help=f"What is chosen besides the fulcrum: {', '.join(DESIGN)}.")] = None,
+        metavar="NAME,...", help=f"Variables that are chosen besides the fulcrum: {', '.join(DESIGN)}.")] = None,
     fulcrum_range: Range = None,
     joints: Joints = None,
     intervals: Annotated[int | None, typer.Option(
         help="Level 2: intervals of the stride.", show_default="40")] = None,
     method: Annotated[str | None, typer.Option(
-        metavar="hermite_simpson|trapezoidal", help="Level 2: of the collocation.",
+        metavar="hermite_simpson|trapezoidal", help="Level 2: method of collocation.",
         show_default="hermite_simpson")] = None,
-    pareto: Annotated[str | None, typer.Option(metavar="A,B", help="Two costs whose trade-off is told.")] = None,
+    pareto: Annotated[str | None, typer.Option(metavar="A,B", help="Two costs whose trade-off is reported.")] = None,
     warm_start: Annotated[Path | None, typer.Option(
         parser=path, metavar="FILE", help="Folder, or tuning.json in it, of an earlier tuning to begin from as well.",
     )] = None,
@@ -79,9 +80,9 @@ def tune(
     workers: Workers = None,
     quick: Quick = False,
 ) -> None:
-    """Finds the setting of the foot with the least cost for a person and their motion, and what that is worth.
+    """Finds the setting of the foot with the least cost for a person and their motion, and its uncertainty.
 
-    The cost over the whole range of the fulcrum comes with it, and how it compares with the uncertainty. A tuning that
+    It also reports the cost over the whole range of the fulcrum, compared with the uncertainty. A tuning that
     did not end at an optimum ends with exit code 4: its results are written, and marked as not optimal. So are those of
     a tuning that Ctrl-C ended.
     """
@@ -130,7 +131,7 @@ def schedule(
     workers: Workers = None,
     quick: Quick = False,
 ) -> None:
-    """Tunes the fulcrum to every task by itself: a table to store, and what it buys over one setting for all.
+    """Tunes the fulcrum to each task separately: a table to store, and how much it saves over one setting for all.
 
     A task whose tuning did not end at an optimum makes the whole table one that may not be stored: it is written,
     marked so, and the exit code is 4.

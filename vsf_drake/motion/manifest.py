@@ -35,9 +35,9 @@ class ProsthesisSetting:
 class ForceColumns:
     """Which columns of the force file are which foot: prefixes such as `ground_force_r`."""
 
-    file: str
-    right: str | None = None
-    left: str | None = None
+    file: str  # of force plates
+    right: str | None = None  # prefix of the right foot's columns
+    left: str | None = None  # prefix of the left foot's columns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,11 +61,14 @@ class Window:
 class ManifestOffsets:
     """`GeometricOffsets` in the units of the manifest."""
 
-    height_mm: float = quantity(0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")
-    fore_aft_mm: float = quantity(0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")
-    alignment_deg: float = quantity(0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
-    inversion_deg: float = quantity(0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
-    toe_out_deg: float = quantity(0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
+    height_mm: float = quantity(  # foot up against the limb: a shorter prosthesis
+        0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")
+    fore_aft_mm: float = quantity(0.0, unit="mm", low=-200.0, high=200.0, source="fitted or measured")  # foot forward
+    alignment_deg: float = quantity(0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")  # toe up
+    inversion_deg: float = quantity(  # sole towards the midline
+        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
+    toe_out_deg: float = quantity(  # toe away from the midline
+        0.0, unit="deg", low=-30.0, high=30.0, source="fitted or measured")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,17 +91,17 @@ class GeometricOffsets:
 class Manifest:
     """The keys of a trial manifest: joint angles or markers. Paths are relative to the manifest's folder."""
 
-    subject: str
-    kinematics: str | None = None
-    markers: str | None = None
-    standing: str | None = None
-    marker_map: str | None = None
+    subject: str  # file of the person
+    kinematics: str | None = None  # file of joint angles and pelvis translation, OpenSim .mot or .sto
+    markers: str | None = None  # file of markers instead, .c3d or .trc
+    standing: str | None = None  # file of the standing trial; without it the walk itself calibrates
+    marker_map: str | None = None  # name or file; the map that fits best if left out
     hip_centre: str = choice("harrington", options=("harrington", "bell", "hara", "davis"),
                              source="regression of the hip joint centre")
     marker_cutoff_hz: float = quantity(6.0, unit="Hz", low=0.5, high=100.0, source="Winter 2009: gait markers")
-    already_filtered: bool = False
+    already_filtered: bool = False  # the markers are low-passed already
     laboratory: Laboratory = field(default_factory=Laboratory)
-    forces: str | ForceColumns | None = None
+    forces: str | ForceColumns | None = None  # file of force plates, or file and columns; in the C3D if left out
     prosthesis: ProsthesisSetting
     window: Window | None = None
     kinematics_unit: str | None = choice(None, options=("degrees", "radians"),
@@ -106,9 +109,9 @@ class Manifest:
     belt_speed_m_per_s: float = quantity(
         0.0, unit="m/s", low=-5.0, high=5.0, source="set on the treadmill; + when its belt runs backward")
     offsets: ManifestOffsets = field(default_factory=ManifestOffsets)
-    model: str | None = None
-    name: str | None = None
-    synthetic: bool = False
+    model: str | None = None  # model file of the foot; the nominal one if left out
+    name: str | None = None  # of the trial; the manifest's file name if left out
+    synthetic: bool = False  # nobody was recorded: results say SYNTHETIC
 
 
 def load_manifest(path: str | Path) -> Manifest:

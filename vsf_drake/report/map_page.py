@@ -38,7 +38,7 @@ def map_page(saved: Mapping[str, Any], arrays: Arrays, *, folder: Path, lenient:
     """What `page.chapter_page` is to be given of map.json and map.npz."""
     mapped = StiffnessMap(map_of(saved), arrays)
     drawn = [name for name in AXES if len(mapped.table.axes[name]) > 1]
-    chapters = [made_chapter("answer", "", partial(_answer, mapped, drawn[:1]), lenient)]
+    chapters = [made_chapter("answer", "", partial(_answer, mapped, drawn[:1] or ["mass_kg"]), lenient)]
     chapters += [made_chapter(name, f"What {AXES[name][0]} does", partial(_axis, mapped, name), lenient)
                  for name in drawn[1:]]
     chapters += [made_chapter("inverse", "Which fulcrum gives a radius", partial(_inverse, mapped), lenient),

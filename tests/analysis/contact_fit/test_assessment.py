@@ -347,14 +347,15 @@ KNOWN = {"unidentified": ("contact.heel.force", "curve.knee_angle_r.0", "trial.s
      ["the fitted foot cannot bear 600 N"], ["N/mm at"]),
     (lambda: words(solution(contradiction=PRIORS)),
      ["The priors contradict the data: coordinate.hip_adduction_r by +3.5 standard deviations, offset.inversion by "
-      "-3.2 standard deviations. The fit is told with these priors 2 times as wide, at a cost of 60.0; as they were "
-      "it was 81.3"],
+      "-3.2 standard deviations. The results are those with these priors 2 times as wide, at a cost of 60.0; as they "
+      "were it was 81.3"],
      ["did not converge"]),
     (lambda: words(solution(contradiction=replace(PRIORS, cost_widened=None))),
      ["2 times as wide the fit did not converge", "at a cost of 81.3"], ["as they were it was"]),
     (lambda: words(None, HELD[0]), ["stretched"], ["No better than", "for itself"]),
     (lambda: words(None, HELD[0], angle_errors=DISTURBED),
-     ["for itself: 0.5° 6.1 % body weight, 36 % better than a stretched curve; 1° 10.4 % body weight. Read the row"],
+     ["for itself: 0.5° 6.1 % body weight, 36 % better than a stretched curve; 1° 10.4 % body weight. "
+      "The value that applies"],
      ["2.6 %", "1.1 %"]),
     (lambda: words(None, *FLOORS), ["happen to cancel: low."], []),
     (lambda: words(left_out=LEFT),
@@ -372,9 +373,10 @@ KNOWN = {"unidentified": ("contact.heel.force", "curve.knee_angle_r.0", "trial.s
     (lambda: words(measured=bench(1.5, heel=(None, None), mid_range=(0.5, (5.0, 4.0)))),
      ["1.50 N/mm off", ": another foot", "farther off than", "-1.00 mm off"], ["still the foot", "heel +", "as near"]),
     (lambda: words(solution(ratios=(0.5, 1.0, 2.34), **KNOWN)),
-     ["Residuals are 0.5 to 2.3 times that noise", "intervals are told too small: soft2 vertical (2.3 times).",
-      "1 of 3 free parameters that all trials share are told by the data",
-      "1 directions are told less than by the prior", "what was believed before: contact.heel.force.",
+     ["Residuals are 0.5 to 2.3 times that noise", "intervals are too small: soft2 vertical (2.3 times).",
+      "1 of 3 free parameters that all trials share are determined by the data",
+      "1 directions are determined less by the data than by the prior",
+      "mostly determined by the prior: contact.heel.force.",
       "Ended at a bound, their errors mean nothing: offset.height.",
       "Known only together: offset.height and contact.heel.force (-0.97)."], ["soft.height"]),
     (lambda: words(solution(searches=(10.0, 11.5, 14.0), lost=(6.0, 9.5))),
@@ -393,5 +395,5 @@ def test_the_papers_fit_is_told_to_know_nothing_of_its_errors():
     paper = solution(fulcrums=(0.1,))
     paper.end = PaperEnd(state=None, values={}, initial_values={}, converged=True, stopped_by="")
     text = words(paper, measured=bench())
-    assert "to the resultant force alone" in text and "It ended so: done." in text
+    assert "to the resultant force alone" in text and "It ended with: done." in text
     assert not any(part in text for part in ("searches", "told by the data", "times that noise"))

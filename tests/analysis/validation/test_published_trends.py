@@ -50,7 +50,7 @@ def test_the_page_begins_with_counts_and_comes_back_from_its_table(table, tmp_pa
     write_published(tmp_path, table)
     assert record(type(table), PUBLISHED.read(tmp_path)[0]) == record(type(table), plain(table))
     text = " ".join((tmp_path / "report.html").read_text(encoding="utf-8").split())
-    assert f"Of {len(table.rows)} published rows" in text and "no adaptation of a person" in text
+    assert f"Of {len(table.rows)} published rows" in text and "is not how a person adapts" in text
     assert (tmp_path / "tables" / "published_reproduced.csv").is_file()
 
 
