@@ -292,9 +292,12 @@ class BenchMeasurement:
 class _SettingCurves:
     """The forefoot at one position of the fulcrum."""
 
-    fulcrum_mm: float = quantity(unit="mm", low=10.0, high=1000.0, source="set on the device, from the keel's end A")
-    stiffness_n_per_mm: float = quantity(unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured")
-    mid_range_displacement_mm: float | None = quantity(None, unit="mm", low=_SHORTEST, high=_LONGEST, source="measured")
+    fulcrum_mm: float = quantity(  # distance of the fulcrum from A
+        unit="mm", low=10.0, high=1000.0, source="set on the device, from the keel's end A")
+    stiffness_n_per_mm: float = quantity(  # mean slope from 200 N to max_load_n
+        unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured")
+    mid_range_displacement_mm: float | None = quantity(  # of the platen since touch-down, at half of max_load_n
+        None, unit="mm", low=_SHORTEST, high=_LONGEST, source="measured")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -304,12 +307,15 @@ class _BenchFile:
     name: str  # of the foot
     synthetic: bool = False  # nobody measured it: results say SYNTHETIC
     forefoot: tuple[_SettingCurves, ...]
-    heel_stiffness_n_per_mm: float | None = quantity(None, unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured")
-    stiffness_uncertainty_n_per_mm: float = quantity(unit="N/mm", low=1e-4, high=_HIGHEST, source="stated")
-    max_load_n: float = quantity(unit="N", low=0.0, high=1e5, source="measured")
-    heel_mid_range_displacement_mm: float | None = quantity(
+    heel_stiffness_n_per_mm: float | None = quantity(  # of the heel, mean slope from 200 N
+        None, unit="N/mm", low=_LOWEST, high=_HIGHEST, source="measured")
+    stiffness_uncertainty_n_per_mm: float = quantity(  # standard deviation of each stiffness
+        unit="N/mm", low=1e-4, high=_HIGHEST, source="stated")
+    max_load_n: float = quantity(unit="N", low=0.0, high=1e5, source="measured")  # largest load of the test
+    heel_mid_range_displacement_mm: float | None = quantity(  # of the heel, at half of max_load_n
         None, unit="mm", low=_SHORTEST, high=_LONGEST, source="measured")
-    displacement_uncertainty_mm: float | None = quantity(None, unit="mm", low=1e-4, high=_LONGEST, source="stated")
+    displacement_uncertainty_mm: float | None = quantity(  # standard deviation of each mid-range displacement
+        None, unit="mm", low=1e-4, high=_LONGEST, source="stated")
 
 
 def load_bench_file(path: str | Path) -> BenchMeasurement:

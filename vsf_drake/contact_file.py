@@ -67,9 +67,10 @@ _UNITS = {
 class FittedSubject:
     """Who a contact was fitted to."""
 
-    mass_kg: float = quantity(unit="kg", low=20.0, high=250.0, source="the trials' subject")
-    stature_m: float = quantity(unit="m", low=0.8, high=2.5, source="the trials' subject")
-    prosthetic_side: str = choice(options=SIDES, source="the trials' subject")
+    mass_kg: float = quantity(  # of the body with the prosthesis
+        unit="kg", low=20.0, high=250.0, source="the trials' subject")
+    stature_m: float = quantity(unit="m", low=0.8, high=2.5, source="the trials' subject")  # standing height
+    prosthetic_side: str = choice(options=SIDES, source="the trials' subject")  # side of the prosthesis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,19 +82,21 @@ class FittedTrial:
     recording's window that are added to the recorded coordinate; `curves` the same (rad) by joint angle.
     """
 
-    name: str
+    name: str  # of the fitted trial
     fingerprint: str  # of the recording, see `motion.fitted_trial.fingerprint`
-    height_m: float = quantity(0.0, unit="m", low=-0.2, high=0.2, source="fitted")
-    path: dict[str, tuple[float, ...]] = field(default_factory=dict)
-    curves: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    height_m: float = quantity(  # added to the height offset, + shortens the prosthesis
+        0.0, unit="m", low=-0.2, high=0.2, source="fitted")
+    path: dict[str, tuple[float, ...]] = field(  # spline coefficients by pelvis translation, OpenSim's axes
+        default_factory=dict)
+    curves: dict[str, tuple[float, ...]] = field(default_factory=dict)  # spline coefficients by joint angle
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointCurve:
     """A periodic curve over the gait cycle, added to one coordinate: see `motion.trajectory.periodic_bsplines`."""
 
-    coordinate: str
-    coefficients: tuple[float, ...] = quantity(
+    coordinate: str  # to which the curve is added
+    coefficients: tuple[float, ...] = quantity(  # of periodic B-splines over the gait cycle
         unit="rad (m for a translation)", low=-LARGEST_CORRECTION, high=LARGEST_CORRECTION, source="fitted")
 
 
@@ -108,11 +111,11 @@ class MomentumBias:
     coefficients 0, 1, 2 of the fore-aft and the vertical force, their means over the fitted `trials` (fingerprints) and
     their standard deviations between these, which one trial does not tell."""
 
-    fore_aft_bw: tuple[float, ...] = _force()
-    vertical_bw: tuple[float, ...] = _force()
-    fore_aft_sd_bw: tuple[float, ...] | None = _force(None)
-    vertical_sd_bw: tuple[float, ...] | None = _force(None)
-    trials: tuple[str, ...]
+    fore_aft_bw: tuple[float, ...] = _force()  # fore-aft m (a_com - g) less plate, Legendre coefficients 0 to 2
+    vertical_bw: tuple[float, ...] = _force()  # vertical m (a_com - g) less plate, Legendre coefficients 0 to 2
+    fore_aft_sd_bw: tuple[float, ...] | None = _force(None)  # standard deviation of fore_aft_bw between trials
+    vertical_sd_bw: tuple[float, ...] | None = _force(None)  # standard deviation of vertical_bw between trials
+    trials: tuple[str, ...]  # fingerprints of the recordings averaged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,15 +124,16 @@ class DiscrepancyCurve:
     `plate_*` is the plate alone; `measured_bw` its resultant at 0 ... 100 % of the measured stance, the null model of
     other recordings."""
 
-    fingerprint: str
-    fulcrum_m: float = quantity(unit="m", low=0.0, high=1.0, source="the trial's manifest")
-    fore_aft_bw: tuple[float, ...] = _force()
-    lateral_bw: tuple[float, ...] = _force()
-    vertical_bw: tuple[float, ...] = _force()
-    plate_fore_aft_bw: tuple[float, ...] = _force()
-    plate_lateral_bw: tuple[float, ...] = _force()
-    plate_vertical_bw: tuple[float, ...] = _force()
-    measured_bw: tuple[float, ...] = _force()
+    fingerprint: str  # of the recording, as under `trials`
+    fulcrum_m: float = quantity(  # distance of the fulcrum from A in this recording
+        unit="m", low=0.0, high=1.0, source="the trial's manifest")
+    fore_aft_bw: tuple[float, ...] = _force()  # plate less model, fore-aft, over the model's stance
+    lateral_bw: tuple[float, ...] = _force()  # plate less model, lateral, over the model's stance
+    vertical_bw: tuple[float, ...] = _force()  # plate less model, vertical, over the model's stance
+    plate_fore_aft_bw: tuple[float, ...] = _force()  # plate's fore-aft force over the model's stance
+    plate_lateral_bw: tuple[float, ...] = _force()  # plate's lateral force over the model's stance
+    plate_vertical_bw: tuple[float, ...] = _force()  # plate's vertical force over the model's stance
+    measured_bw: tuple[float, ...] = _force()  # plate's resultant force over the measured stance
 
 
 CURVES = tuple(one.name for one in fields(DiscrepancyCurve) if one.name.endswith("_bw"))
@@ -141,25 +145,25 @@ class Discrepancy:
     one setting has to itself (`own`), as trials and settings left out in turn earned them; the rest is each trial's."""
 
     curves: tuple[DiscrepancyCurve, ...]
-    shared: tuple[float, ...] = _share()
-    own: tuple[float, ...] = _share()
+    shared: tuple[float, ...] = _share()  # share of variance common to all settings, by component
+    own: tuple[float, ...] = _share()  # share of variance of one setting, by component
 
 
 @dataclass(frozen=True, kw_only=True)
 class FittedContact:
     """The content of a contact file; see the module's example."""
 
-    format: str = choice(options=(FORMAT,), source="version of this schema")
+    format: str = choice(options=(FORMAT,), source="version of this schema")  # name and version of the file format
     subject: FittedSubject
-    strategy: str
-    converged: bool
-    verdict: tuple[str, ...] = ()
-    values: dict[str, float] = field(default_factory=dict)
+    strategy: str  # procedure of the fit, as `fit --strategy`
+    converged: bool  # whether the fit converged
+    verdict: tuple[str, ...] = ()  # of the fit, in sentences
+    values: dict[str, float] = field(default_factory=dict)  # fitted variables by name
     curves: tuple[JointCurve, ...] = ()
     trials: tuple[FittedTrial, ...] = ()
     momentum: MomentumBias | None = None
     discrepancy: Discrepancy | None = None
-    provenance: dict[str, Any] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)  # versions, seed and solver of the fit
 
 
 def load_contact(path: str | Path, *, even_if_failed: bool = False) -> FittedContact:

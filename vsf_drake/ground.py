@@ -35,18 +35,25 @@ class GroundPatch:
     ground's own spring under each contact sphere, in series with the sphere's.
     """
 
-    name: str = "ground"
-    from_x_m: float = quantity(-_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
-    to_x_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
-    from_y_m: float = quantity(-_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
-    to_y_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
-    reference_x_m: float = quantity(0.0, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
-    height_m: float = quantity(0.0, unit="m", low=-100.0, high=100.0, source=_CHOICE)
-    slope_deg: float = quantity(0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE)
-    bank_deg: float = quantity(0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE)
-    mu_static: float | None = quantity(None, unit="1", low=0.0, high=5.0, source=_CHOICE)
-    mu_kinetic: float | None = quantity(None, unit="1", low=0.0, high=5.0, source=_CHOICE)
-    stiffness_n_per_m: float | None = quantity(None, unit="N/m", low=1.0, high=1e12, source=_CHOICE)
+    name: str = "ground"  # of the patch
+    from_x_m: float = quantity(  # rear edge of the rectangle
+        -_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
+    to_x_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)  # front edge of the rectangle
+    from_y_m: float = quantity(  # right edge of the rectangle
+        -_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
+    to_y_m: float = quantity(_FAR_M, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)  # left edge of the rectangle
+    reference_x_m: float = quantity(  # x at which the plane has height_m
+        0.0, unit="m", low=-_FAR_M, high=_FAR_M, source=_CHOICE)
+    height_m: float = quantity(  # of the plane at reference_x_m and y = 0
+        0.0, unit="m", low=-100.0, high=100.0, source=_CHOICE)
+    slope_deg: float = quantity(0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE)  # rising along +x
+    bank_deg: float = quantity(0.0, unit="deg", low=-45.0, high=45.0, source=_CHOICE)  # rising along +y
+    mu_static: float | None = quantity(  # coefficient of static friction; the foot's if left out
+        None, unit="1", low=0.0, high=5.0, source=_CHOICE)
+    mu_kinetic: float | None = quantity(  # coefficient of kinetic friction; the foot's if left out
+        None, unit="1", low=0.0, high=5.0, source=_CHOICE)
+    stiffness_n_per_m: float | None = quantity(  # of the ground under each sphere; rigid if left out
+        None, unit="N/m", low=1.0, high=1e12, source=_CHOICE)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -52,19 +52,19 @@ def person_coordinates(prosthetic_side: str) -> tuple[str, ...]:
 class KeelParameters:
     """The leaf-spring keel as a chain of elements: rigid half, sprung revolute joint, rigid half."""
 
-    element_lengths_m: tuple[float, ...] = quantity(
+    element_lengths_m: tuple[float, ...] = quantity(  # of the keel's elements, from A to the toe
         (0.066,) + (0.163 / 7,) * 7, unit="m", low=1e-4, high=1.0,
         source=f"derived from {_PAPER}: the only layout of rigid half, joint, rigid half with 16 pieces, 8 joints, "
         "pieces of 11.64 mm, a posterior element of 66 mm (with a joint in it) and a keel of 229 mm")
-    width_m: float = quantity(0.0684, unit="m", low=1e-3, high=0.5, source=_PUBLIC)
-    thickness_m: float = quantity(0.00635, unit="m", low=1e-4, high=0.05, source=_PUBLIC)
-    flexural_modulus_pa: float = quantity(
+    width_m: float = quantity(0.0684, unit="m", low=1e-3, high=0.5, source=_PUBLIC)  # of the keel, medial to lateral
+    thickness_m: float = quantity(0.00635, unit="m", low=1e-4, high=0.05, source=_PUBLIC)  # of the keel
+    flexural_modulus_pa: float = quantity(  # effective bending modulus of the keel
         7.8e9, unit="Pa", low=1e6, high=1e12,
         source=f"effective, not the laminate's 18.6 GPa ({_PAPER}: G10/FR4): studies/calibrate_device.py, published "
         f"10 and 32 N/mm and, between them, the tuned joints of the {_PUBLIC}")
-    density_kg_m3: float = quantity(
+    density_kg_m3: float = quantity(  # of the keel's laminate
         1850.0, unit="kg/m^3", low=100.0, high=2e4, source="G10/FR4 data sheets: specific gravity 1.80-1.85")
-    damping_time_s: float = quantity(
+    damping_time_s: float = quantity(  # damping / stiffness of the keel's joints
         6.1e-3, unit="s", low=0.0, high=1.0,
         source="choice: joint damping / joint stiffness that loses 10 % of the energy of a 0.6 s load cycle")
 
@@ -73,14 +73,17 @@ class KeelParameters:
 class FulcrumParameters:
     """The fulcrum, which bears on the keel from above, and the carriage that moves it."""
 
-    stiffness_n_per_m: float = quantity(
+    stiffness_n_per_m: float = quantity(  # of the fulcrum's support on the keel
         2e6, unit="N/m", low=1e3, high=1e9,
         source=f"{_CHOICE}: sinks 0.9 mm under the 1.81 kN that the bench's 600 N put on it at 66 mm")
-    damping_time_s: float = quantity(
+    damping_time_s: float = quantity(  # damping / stiffness of the fulcrum's support
         1e-4, unit="s", low=0.0, high=1.0, source=f"{_CHOICE}: half of critical for a keel piece of 20 g")
-    carriage_mass_kg: float = quantity(0.1, unit="kg", low=1e-3, high=2.0, source=_CHOICE)
-    rearmost_m: float = quantity(0.066, unit="m", low=0.0, high=1.0, source=f"{_PAPER}: 66 mm")
-    foremost_m: float = quantity(0.151, unit="m", low=0.0, high=1.0, source=f"{_PAPER}: 151 mm")
+    carriage_mass_kg: float = quantity(  # of the carriage that holds the fulcrum
+        0.1, unit="kg", low=1e-3, high=2.0, source=_CHOICE)
+    rearmost_m: float = quantity(  # smallest distance of the fulcrum from A
+        0.066, unit="m", low=0.0, high=1.0, source=f"{_PAPER}: 66 mm")
+    foremost_m: float = quantity(  # largest distance of the fulcrum from A
+        0.151, unit="m", low=0.0, high=1.0, source=f"{_PAPER}: 151 mm")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +131,7 @@ class ContactZone:
         unit="mm", low=-200.0, high=200.0, source="derived from the published count of 24")
     rise_mm: tuple[float, ...] = quantity(  # of each sphere's bottom over the flat sole
         unit="mm", low=-100.0, high=100.0, source=_CHOICE)
-    radius_m: float = quantity(unit="m", low=1e-4, high=0.2, source=_PUBLIC)
+    radius_m: float = quantity(unit="m", low=1e-4, high=0.2, source=_PUBLIC)  # of each sphere
     stiffness: float = quantity(  # of each sphere
         unit="N/m^exponent", low=0.0, high=1e30,
         source=f"derived from {_PAPER}'s 65 N/mm (heel) and studies/calibrate_device.py (midfoot, forefoot)")
@@ -144,9 +147,10 @@ class ContactZone:
 class FrictionParameters:
     """Stick-slip friction between the spheres of a foot and the ground."""
 
-    mu_static: float = quantity(0.5, unit="1", low=0.0, high=5.0, source=_PAPER)
-    mu_kinetic: float = quantity(0.3, unit="1", low=0.0, high=5.0, source=_PAPER)
-    threshold_velocity_m_per_s: float = quantity(0.1, unit="m/s", low=1e-6, high=10.0, source=_PAPER)
+    mu_static: float = quantity(0.5, unit="1", low=0.0, high=5.0, source=_PAPER)  # coefficient of static friction
+    mu_kinetic: float = quantity(0.3, unit="1", low=0.0, high=5.0, source=_PAPER)  # coefficient of kinetic friction
+    threshold_velocity_m_per_s: float = quantity(  # sliding speed at which friction is mu_static
+        0.1, unit="m/s", low=1e-6, high=10.0, source=_PAPER)
 
 
 def _zone(name: str, x: tuple[float, ...], y: tuple[float, ...], radius: float, stiffness: float) -> ContactZone:
@@ -183,22 +187,29 @@ class FootParameters:
     fulcrum: FulcrumParameters = field(default_factory=FulcrumParameters)
     friction: FrictionParameters = field(default_factory=FrictionParameters)
     zones: tuple[ContactZone, ...] = field(default_factory=_foot_zones)
-    series_stiffness_n_per_m: float = quantity(
+    series_stiffness_n_per_m: float = quantity(  # of the foam between platen and keel
         58.8e3, unit="N/m^series_exponent", low=1e3, high=1e30,
         source="foam under the load; studies/calibrate_device.py, as the keel's modulus")
-    series_exponent: float = quantity(1.0, unit="1", low=1.0, high=20.0, source="choice: as the contact zones'")
-    series_patch_m: float = quantity(
+    series_exponent: float = quantity(  # of the depth in that foam's force
+        1.0, unit="1", low=1.0, high=20.0, source="choice: as the contact zones'")
+    series_patch_m: float = quantity(  # length of the loaded foam, centred at C
         0.040, unit="m", low=1e-3, high=0.2, source="choice: length of the foam patch that the bench loads")
-    load_point_m: float = quantity(0.199, unit="m", low=0.0, high=1.0, source=f"{_PAPER}: 30 mm behind the keel tip")
-    mass_kg: float = quantity(0.649, unit="kg", low=0.05, high=5.0, source="Glanzer 2018, with battery")
-    build_height_m: float = quantity(0.087, unit="m", low=0.01, high=0.5, source="Glanzer 2018")
-    foam_thickness_m: float = quantity(0.030, unit="m", low=0.0, high=0.2, source=_PUBLIC)
-    length_m: float = quantity(0.245, unit="m", low=0.05, high=0.5, source=f"{_PUBLIC}: foam base")
-    heel_x_m: float = quantity(
+    load_point_m: float = quantity(  # distance of the load point C from A
+        0.199, unit="m", low=0.0, high=1.0, source=f"{_PAPER}: 30 mm behind the keel tip")
+    mass_kg: float = quantity(  # of the whole prosthetic foot
+        0.649, unit="kg", low=0.05, high=5.0, source="Glanzer 2018, with battery")
+    build_height_m: float = quantity(  # height of the mount M above the sole
+        0.087, unit="m", low=0.01, high=0.5, source="Glanzer 2018")
+    foam_thickness_m: float = quantity(0.030, unit="m", low=0.0, high=0.2, source=_PUBLIC)  # of the foam below the keel
+    length_m: float = quantity(  # of the foam base, taken as foot length
+        0.245, unit="m", low=0.05, high=0.5, source=f"{_PUBLIC}: foam base")
+    heel_x_m: float = quantity(  # x of the foam base's rear end in K
         -0.012, unit="m", low=-0.1, high=0.1,
         source=f"{_CHOICE}: rear end of the foam base, which then ends 4 mm ahead of the keel; lengths count from it")
-    pylon_x_m: float = quantity(0.055, unit="m", low=-0.1, high=0.3, source=f"{_CHOICE}: pylon axis ahead of A")
-    side: str = choice("either", options=("either", *SIDES), source="choice: the nominal foot is symmetric")
+    pylon_x_m: float = quantity(  # pylon axis ahead of A
+        0.055, unit="m", low=-0.1, high=0.3, source=f"{_CHOICE}: pylon axis ahead of A")
+    side: str = choice(  # body side that the foot is made for
+        "either", options=("either", *SIDES), source="choice: the nominal foot is symmetric")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,7 +220,8 @@ class BushingAxis:
         unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
     stiffness_negative: float = quantity(  # where it is negative
         unit="N/m or N m/rad", low=0.0, high=1e9, source=_SOCKET)
-    damping: float = quantity(unit="N s/m or N m s/rad", low=0.0, high=1e9, source=f"{_CHOICE}: stiffness times 10 ms")
+    damping: float = quantity(  # of the bushing along or about this axis
+        unit="N s/m or N m s/rad", low=0.0, high=1e9, source=f"{_CHOICE}: stiffness times 10 ms")
     limit: float = quantity(  # displacement at which the stop begins
         unit="m or rad", low=1e-6, high=1.0, source=_SOCKET)
     rate_limit: float = quantity(  # rate at which the stop begins
@@ -242,13 +254,15 @@ class SocketParameters:
     adduction: BushingAxis = _axis(f"stiffness as flexion; limit: {_CHOICE}", 1000.0, math.radians(5.0), 5.0)
     rotation: BushingAxis = _axis(
         f"0.32 N m/kg (Klute 2024) over 5 degrees; limit: {_CHOICE}", 300.0, math.radians(10.0), 5.0)
-    stop_ratio: float = quantity(
+    stop_ratio: float = quantity(  # added beyond a limit / stiffness or damping of the axis
         10.0, unit="1", low=0.0, high=1e4,
         source=f"{_CHOICE}: stiffness and damping added beyond a limit, as multiples of the axis's own")
-    socket_mass_kg: float = quantity(0.8, unit="kg", low=0.05, high=10.0, source=f"{_CHOICE}: typical, unverified")
-    pylon_mass_kg: float = quantity(0.4, unit="kg", low=0.05, high=10.0, source=f"{_CHOICE}: typical, unverified")
-    pylon_radius_m: float = quantity(0.015, unit="m", low=1e-3, high=0.1, source=_PUBLIC)
-    residual_length_ratio: float = quantity(
+    socket_mass_kg: float = quantity(  # of the socket
+        0.8, unit="kg", low=0.05, high=10.0, source=f"{_CHOICE}: typical, unverified")
+    pylon_mass_kg: float = quantity(  # of the pylon
+        0.4, unit="kg", low=0.05, high=10.0, source=f"{_CHOICE}: typical, unverified")
+    pylon_radius_m: float = quantity(0.015, unit="m", low=1e-3, high=0.1, source=_PUBLIC)  # of the pylon
+    residual_length_ratio: float = quantity(  # length of residual shank / intact shank
         0.66, unit="1", low=0.1, high=0.95, source=f"{_PUBLIC}: residual shank / intact shank")
 
 
@@ -275,10 +289,11 @@ class IntactFootParameters:
 
     zones: tuple[ContactZone, ...] = field(default_factory=_intact_zones)
     friction: FrictionParameters = field(default_factory=FrictionParameters)
-    reference_length_m: float = quantity(
+    reference_length_m: float = quantity(  # length of the foot that the zones describe
         0.2683, unit="m", low=0.1, high=0.5, source="de Leva 1996, male foot scaled to 1.81 m")
-    ankle_x_ratio: float = quantity(0.25, unit="1", low=0.0, high=1.0,
-                                    source=f"{_CHOICE}: ankle ahead of the heel / foot length")
+    ankle_x_ratio: float = quantity(  # ankle centre ahead of the heel / foot length
+        0.25, unit="1", low=0.0, high=1.0,
+        source=f"{_CHOICE}: ankle ahead of the heel / foot length")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -305,11 +320,12 @@ class Subject:
     edge up) but for toe_out.
     """
 
-    mass_kg: float = quantity(unit="kg", low=20.0, high=250.0, source="measured, prosthesis included")
-    stature_m: float = quantity(unit="m", low=0.8, high=2.5, source="measured")
-    sex: str = choice(options=("male", "female"), source="stated")
-    prosthetic_side: str = choice(options=SIDES, source="stated")
-    name: str = "subject"
+    mass_kg: float = quantity(  # of the body with the prosthesis
+        unit="kg", low=20.0, high=250.0, source="measured, prosthesis included")
+    stature_m: float = quantity(unit="m", low=0.8, high=2.5, source="measured")  # standing height
+    sex: str = choice(options=("male", "female"), source="stated")  # selects the table of segment masses and lengths
+    prosthetic_side: str = choice(options=SIDES, source="stated")  # side of the prosthesis
+    name: str = "subject"  # of the person, for results
     thigh_length_m: float | None = _measured(0.1, 0.8, "hip to knee centre")
     shank_length_m: float | None = _measured(0.1, 0.8, "knee to ankle centre")
     ankle_height_m: float | None = _measured(0.02, 0.2, "ankle centre to sole")

@@ -46,21 +46,24 @@ class ScenarioFoot:
     has the foot already (package://vsf_drake/vsf_foot.sdf) as the instance `name`.
     """
 
-    name: str = "vsf"
-    parent_frame: str | None = None
-    side: str | None = choice(None, options=SIDES, source=_CHOICE)
-    model: str | None = None
-    contact: str | None = choice(None, options=CONTACTS, source=_CHOICE)
-    fulcrum_mm: float | None = quantity(None, unit="mm", low=0.0, high=1000.0, source=_CHOICE)
+    name: str = "vsf"  # of the foot and its model instance
+    parent_frame: str | None = None  # frame of the model to which its mount is welded
+    side: str | None = choice(None, options=SIDES, source=_CHOICE)  # body side that the foot is on
+    model: str | None = None  # parameter file of this foot
+    contact: str | None = choice(None, options=CONTACTS, source=_CHOICE)  # by which this foot meets the ground
+    fulcrum_mm: float | None = quantity(  # distance of this foot's fulcrum from A
+        None, unit="mm", low=0.0, high=1000.0, source=_CHOICE)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioGuide:
     """A spring and damper that pull a joint of one degree of freedom along the input `desired_state`."""
 
-    joint: str
-    stiffness: float = quantity(unit="N/m or N m/rad", low=0.0, high=1e9, source=_CHOICE)
-    damping: float = quantity(unit="N s/m or N m s/rad", low=0.0, high=1e9, source=_CHOICE)
+    joint: str  # that is guided, of one degree of freedom
+    stiffness: float = quantity(  # of the spring towards the desired position
+        unit="N/m or N m/rad", low=0.0, high=1e9, source=_CHOICE)
+    damping: float = quantity(  # of the damper towards the desired rate
+        unit="N s/m or N m s/rad", low=0.0, high=1e9, source=_CHOICE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,17 +73,18 @@ class ScenarioSimulation:
     A plant with a time step has none: it goes by its own step.
     """
 
-    integrator: str = choice("implicit_euler", options=INTEGRATORS, source="choice: the foam is stiff")
-    accuracy: float = quantity(1e-3, unit="1", low=1e-12, high=1.0, source=_CHOICE)
-    max_step_s: float = quantity(5e-3, unit="s", low=1e-9, high=1.0, source=_CHOICE)
+    integrator: str = choice(  # integration scheme of Drake's Simulator
+        "implicit_euler", options=INTEGRATORS, source="choice: the foam is stiff")
+    accuracy: float = quantity(1e-3, unit="1", low=1e-12, high=1.0, source=_CHOICE)  # target accuracy of the integrator
+    max_step_s: float = quantity(5e-3, unit="s", low=1e-9, high=1.0, source=_CHOICE)  # longest integration step
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
     """Everything that `plants.station.make_station` needs; keys of some kinds only are refused by the others."""
 
-    kind: str = choice(options=KINDS, source=_CHOICE)
-    name: str = "station"
+    kind: str = choice(options=KINDS, source=_CHOICE)  # of station, which decides the other keys
+    name: str = "station"  # of the station's diagram
     model: str | None = None  # parameter file of the devices; None: the nominal ones
     contact_file: str | None = None  # fitted contact to write into them
     fulcrum_mm: float = quantity(108.0, unit="mm", low=0.0, high=1000.0,  # where nothing sets the fulcrum's position

@@ -28,7 +28,8 @@ _MARKER_KEYS = ("standing", "marker_map", "hip_centre", "marker_cutoff_hz", "alr
 class ProsthesisSetting:
     """How the foot was set during the trial."""
 
-    fulcrum_mm: float = quantity(unit="mm", low=0.0, high=1000.0, source="set on the device, from the keel's end A")
+    fulcrum_mm: float = quantity(  # distance of the fulcrum from A
+        unit="mm", low=0.0, high=1000.0, source="set on the device, from the keel's end A")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,15 +47,18 @@ class Laboratory:
 
     up: str | None = choice(None, options=AXES, source="stated: the laboratory's axis that points up")
     forward: str | None = choice(None, options=AXES, source="stated: the laboratory's axis along which they walk")
-    length_unit: str | None = choice(None, options=("mm", "cm", "m", "in"), source="stated")
+    length_unit: str | None = choice(  # of the markers' coordinates
+        None, options=("mm", "cm", "m", "in"), source="stated")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
     """The part of the recording to use; a missing end is the end of the recording."""
 
-    start_s: float | None = quantity(None, unit="s", low=-1e6, high=1e6, source="chosen")
-    end_s: float | None = quantity(None, unit="s", low=-1e6, high=1e6, source="chosen")
+    start_s: float | None = quantity(  # first instant used, in the recording's time
+        None, unit="s", low=-1e6, high=1e6, source="chosen")
+    end_s: float | None = quantity(  # last instant used, in the recording's time
+        None, unit="s", low=-1e6, high=1e6, source="chosen")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,17 +100,20 @@ class Manifest:
     markers: str | None = None  # file of markers instead, .c3d or .trc
     standing: str | None = None  # file of the standing trial; without it the walk itself calibrates
     marker_map: str | None = None  # name or file; the map that fits best if left out
-    hip_centre: str = choice("harrington", options=("harrington", "bell", "hara", "davis"),
-                             source="regression of the hip joint centre")
-    marker_cutoff_hz: float = quantity(6.0, unit="Hz", low=0.5, high=100.0, source="Winter 2009: gait markers")
+    hip_centre: str = choice(  # regression that places the hip joint centres
+        "harrington", options=("harrington", "bell", "hara", "davis"),
+        source="regression of the hip joint centre")
+    marker_cutoff_hz: float = quantity(  # of the low-pass filter on the markers
+        6.0, unit="Hz", low=0.5, high=100.0, source="Winter 2009: gait markers")
     already_filtered: bool = False  # the markers are low-passed already
     laboratory: Laboratory = field(default_factory=Laboratory)
     forces: str | ForceColumns | None = None  # file of force plates, or file and columns; in the C3D if left out
     prosthesis: ProsthesisSetting
     window: Window | None = None
-    kinematics_unit: str | None = choice(None, options=("degrees", "radians"),
-                                         source="stated, where the file's header does not")
-    belt_speed_m_per_s: float = quantity(
+    kinematics_unit: str | None = choice(  # of the joint angles
+        None, options=("degrees", "radians"),
+        source="stated, where the file's header does not")
+    belt_speed_m_per_s: float = quantity(  # of the treadmill belt, + when it runs backward
         0.0, unit="m/s", low=-5.0, high=5.0, source="set on the treadmill; + when its belt runs backward")
     offsets: ManifestOffsets = field(default_factory=ManifestOffsets)
     model: str | None = None  # model file of the foot; the nominal one if left out
@@ -193,8 +200,8 @@ def mount_of(offsets: GeometricOffsets) -> dict[str, float]:
 class StatedSubject(PersonFacts, Subject):
     """What a user states of a person whose markers tell the rest: `Subject`, and what joint centres need."""
 
-    sex: str = choice(options=SEXES, source="stated")
-    prosthetic_side: str = choice(options=SIDES, source="stated")
+    sex: str = choice(options=SEXES, source="stated")  # selects the table of segment masses and lengths
+    prosthetic_side: str = choice(options=SIDES, source="stated")  # side of the prosthesis
 
 
 def load_stated_subject(path: str | Path) -> tuple[PersonFacts, dict[str, float]]:

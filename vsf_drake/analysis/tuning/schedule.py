@@ -37,10 +37,13 @@ DESCRIPTORS = {"speed_m_per_s": "m/s", "slope_deg": "°", "carried_kg": "kg"}
 class Described:
     """What tells a task apart, None where that is not known."""
 
-    label: str
-    speed_m_per_s: float | None = quantity(None, unit="m/s", low=0.0, high=10.0, source="measured or set")
-    slope_deg: float | None = quantity(None, unit="deg", low=-45.0, high=45.0, source="measured, uphill +")
-    carried_kg: float | None = quantity(None, unit="kg", low=0.0, high=200.0, source="measured")
+    label: str  # name of the task
+    speed_m_per_s: float | None = quantity(  # walking speed
+        None, unit="m/s", low=0.0, high=10.0, source="measured or set")
+    slope_deg: float | None = quantity(  # of the ground, uphill +
+        None, unit="deg", low=-45.0, high=45.0, source="measured, uphill +")
+    carried_kg: float | None = quantity(  # mass of the carried load
+        None, unit="kg", low=0.0, high=200.0, source="measured")
 
     @property
     def descriptors(self) -> dict[str, float | None]:
@@ -51,7 +54,7 @@ class Described:
 class Task(Described):
     """What one setting is for: its trials' manifests."""
 
-    trials: tuple[str, ...]
+    trials: tuple[str, ...]  # manifests of the task's trials
 
     @property
     def manifests(self) -> tuple[Path, ...]:

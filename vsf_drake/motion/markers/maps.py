@@ -29,9 +29,27 @@ SEGMENT_ROLES = {
 """The roles whose markers move with each segment. `toe` is the second metatarsal head; `thigh_plane` and `shank_plane`
 lie, as Plug-in Gait's THI and TIB do, in the plane of proximal joint centre, lateral marker and distal joint centre."""
 ROLES = {
-    "side": ("asis", "psis", "trochanter", "knee_lateral", "knee_medial", "ankle_lateral", "ankle_medial", "heel",
-             "toe", "met1", "met5", "toe_tip", "thigh_plane", "shank_plane", *SIDED_CLUSTERS),
-    "middle": ("sacrum", "head_top", *MIDDLE_CLUSTERS)}  # what a map's blocks may give labels to
+    "side": (
+        "asis",  # anterior superior iliac spine
+        "psis",  # posterior superior iliac spine
+        "trochanter",  # greater trochanter
+        "knee_lateral",  # lateral femoral epicondyle
+        "knee_medial",  # medial femoral epicondyle
+        "ankle_lateral",  # lateral malleolus
+        "ankle_medial",  # medial malleolus
+        "heel",  # rear of the heel
+        "toe",  # second metatarsal head
+        "met1",  # first metatarsal head
+        "met5",  # fifth metatarsal head
+        "toe_tip",  # tip of the toes
+        "thigh_plane",  # in the plane of hip centre, lateral knee marker and knee centre
+        "shank_plane",  # in the plane of knee centre, lateral ankle marker and ankle centre
+        *SIDED_CLUSTERS),  # further markers that move with the segment
+    "middle": (
+        "sacrum",  # midway between the PSIS, in their place
+        "head_top",  # top of the head
+        *MIDDLE_CLUSTERS)}  # further markers that move with the pelvis
+"""What a map's blocks may give labels to."""
 SHIPPED = ("plug_in_gait", "rajagopal", "ior")
 Labels = tuple[str, ...]
 _Side, _Middle = (dataclasses.make_dataclass(name, [(role, Labels, ()) for role in roles], frozen=True, kw_only=True)
@@ -40,11 +58,14 @@ _Side, _Middle = (dataclasses.make_dataclass(name, [(role, Labels, ()) for role 
 
 @dataclass(frozen=True, kw_only=True)
 class _MapFile:
-    description: str | None = None
-    prefix: str | None = "any"
+    description: str | None = None  # of the marker set, in words
+    prefix: str | None = "any"  # text before each label to strip; any: up to a colon
     right: _Side | None = None  # type: ignore[valid-type]
+    """labels of the right side, by role"""
     left: _Side | None = None  # type: ignore[valid-type]
+    """labels of the left side, by role"""
     middle: _Middle | None = None  # type: ignore[valid-type]
+    """labels in the midline, by role"""
 
 
 @dataclass(frozen=True)

@@ -32,21 +32,23 @@ class PersonFacts:
     regressions.
     """
 
-    mass_kg: float | None = quantity(
+    mass_kg: float | None = quantity(  # of the body with the prosthesis
         None, unit="kg", low=LEAST_MASS_KG, high=MOST_MASS_KG,
         source="measured, prosthesis included; from the file, else from the forces if None")
-    stature_m: float | None = quantity(
+    stature_m: float | None = quantity(  # standing height
         None, unit="m", low=LEAST_STATURE_M, high=MOST_STATURE_M,
         source="measured; from the file, else from a marker on top of the head, else from the leg's length if None")
-    sex: str | None = choice(None, options=SEXES, source="stated")
-    prosthetic_side: str | None = choice(None, options=SIDES, source="stated")
-    name: str = "subject"
+    sex: str | None = choice(None, options=SEXES, source="stated")  # selects the table of segment masses and lengths
+    prosthetic_side: str | None = choice(None, options=SIDES, source="stated")  # side of the prosthesis
+    name: str = "subject"  # of the person, for results
     knee_width_mm: float | None = quantity(None, unit="mm", low=50.0, high=200.0, source="measured: epicondyles")
     ankle_width_mm: float | None = quantity(None, unit="mm", low=30.0, high=150.0, source="measured: malleoli")
     leg_length_mm: float | None = quantity(
         None, unit="mm", low=300.0, high=1400.0, source="measured: ASIS to medial malleolus")
-    marker_radius_mm: float = quantity(7.0, unit="mm", low=0.0, high=30.0, source="of the markers used")
-    base_plate_mm: float = quantity(2.0, unit="mm", low=0.0, high=20.0, source="of the markers used")
+    marker_radius_mm: float = quantity(  # of a marker's sphere
+        7.0, unit="mm", low=0.0, high=30.0, source="of the markers used")
+    base_plate_mm: float = quantity(  # thickness of a marker's base plate
+        2.0, unit="mm", low=0.0, high=20.0, source="of the markers used")
 
 
 def check_facts(person: PersonFacts) -> tuple[str, str]:
