@@ -33,6 +33,7 @@ from vsf_drake.cli.guide import GUIDES
 from vsf_drake.contact_file import FittedContact
 from vsf_drake.ground import Ground
 from vsf_drake.motion.manifest import Manifest, StatedSubject
+from vsf_drake.motion.markers import maps
 from vsf_drake.motion.markers.maps import _MapFile
 from vsf_drake.parameters import ModelParameters, Subject
 from vsf_drake.scenario import Scenario
@@ -113,6 +114,7 @@ def _said(schema: type) -> dict[str, str]:
         try:
             source = textwrap.dedent(inspect.getsource(cls))
         except (OSError, TypeError):  # object, and what make_dataclass has made
+            said |= _roles() if cls.__name__ in maps.ROLES else {}
             continue
         comments = [(token.start[0], token.string.lstrip("# ")) for token in
                     tokenize.generate_tokens(io.StringIO(source).readline) if token.type == tokenize.COMMENT]
@@ -125,6 +127,16 @@ def _said(schema: type) -> dict[str, str]:
                     following.value, ast.Constant) else []
                 said[node.target.id] = " ".join([*beside, *map(str, below)])
     return said
+
+
+def _roles() -> dict[str, str]:
+    """The comments beside the roles of marker maps; clusters have that beside their tuple."""
+    text = inspect.getsource(maps)
+    beside = dict(re.findall(r'^ {8}"(\w+)",  # (.+)$', text, flags=re.MULTILINE))
+    for names in ("SIDED_CLUSTERS", "MIDDLE_CLUSTERS"):
+        said = re.findall(rf"^ {{8}}\*{names}\).*?  # (.+)$", text, flags=re.MULTILINE)
+        beside |= dict.fromkeys(getattr(maps, names), *said)
+    return beside
 
 
 def _first_sentence(schema: type | None) -> str:

@@ -47,6 +47,11 @@ def test_keys_that_are_often_looked_up_have_their_meaning(key, meaning):
     assert meaning in row.split(" | ")[1]
 
 
+def test_no_key_is_without_a_meaning():
+    bare = [line for line in yaml_files().splitlines() if line.startswith("| `") and line.split(" | ")[1] == "–"]
+    assert bare == []
+
+
 def test_every_row_has_every_column():
     rows = [line for line in yaml_files().splitlines() if line.startswith("| `")]
     assert {len(re.split(r"(?<!\\)\|", row)) for row in rows} == {9}
