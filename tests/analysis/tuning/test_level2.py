@@ -1,5 +1,7 @@
 """The stride that is solved for: its derivatives, its costs, what it is against the recording and the full model."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -97,6 +99,36 @@ def test_a_free_fulcrum_is_at_least_as_good_as_where_it_was_freed(tuning, stride
     assert fixed.success and free.success
     assert free.cost <= fixed.cost + 1e-9
     assert 66.0 < free.p[0] / MM < 151.0
+
+
+def test_a_consistent_stride_is_what_it_was_made_of_and_both_feet_s_forces_are_known(stride):
+    """The other way: its motion and forces are the solution's, on its own grid and, between strikes, on a finer one."""
+    solution = tracked(dataclasses.replace(stride, grid=dataclasses.replace(stride.grid, intervals=20)))
+    coarse = dataclasses.replace(stride, grid=solution.problem.grid, consistent=solution)
+    assert coarse.value("deviation", solution.last_y()) == pytest.approx(0.0, abs=1e-9)
+    reference, fine = coarse.reference, dataclasses.replace(stride, consistent=solution).reference
+    np.testing.assert_allclose(fine.q[::2], reference.q, atol=1e-9)
+    for foot in reference.force:
+        assert reference.known[foot].all() and fine.known[foot].all()
+        np.testing.assert_allclose(fine.force[foot][::2], reference.force[foot], atol=1e-6)
+        loaded = reference.force[foot][:, 1] > 50.0
+        np.testing.assert_allclose(reference.moment[foot][loaded], 0.0, atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stem", ["low_1", "high_1"])
+def test_a_consistent_stride_that_is_tracked_finds_its_own_fulcrum(stem):
+    """Its cost is least there but for the moments that make the tracking unique: 1 mm. Both settings are ends of the
+    reach, and the search begins at the other."""
+    manifest = next(path for path in embedded_trials(tier="exact") if path.stem == stem)
+    trial = trial_with(load_trial(manifest), load_contact(embedded_contact("exact")))
+    stride = StrideTuning([trial], cost="tracking", options=StrideOptions(intervals=20)).stride
+    search = StrideSearch(stride, "tracking")
+    solution = tracked(stride)
+    search.stride = dataclasses.replace(stride, consistent=solution)
+    other = min(stride.reach_mm, key=lambda mm: -abs(mm - stride.own_m / MM))
+    found = search.free(search.at(other, solution.last, "fixed").last, "free")
+    assert found.success and abs(found.p[0] / MM - stride.own_m / MM) < 10.0
 
 
 def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an_optimum(trial):

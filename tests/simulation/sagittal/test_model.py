@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from pydrake.multibody.tree import BodyIndex, MultibodyForces
 from pydrake.systems.framework import Context
 
-from vsf_drake.analysis.tuning.level2.stride import BALANCED, quasi_static_motion
+from vsf_drake.analysis.tuning.level2.balance import BALANCED, quasi_static_motion
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws import bushing, kelvin_voigt, stick_slip
 from vsf_drake.motion.manifest import GeometricOffsets

@@ -32,6 +32,7 @@ from vsf_drake.simulation.walk import Walker
 
 ANGLE_DEG, FORCE_BW = 2.0, 0.06  # what a tracked stride may differ from its recording by, root mean square (a choice)
 VIOLATION, STARTS_MM = 1e-6, 1.0
+FOUND_MM = 10.0  # how near to its own position a consistent stride, tracked with the fulcrum free, must end (a choice)
 UNITS = ("m", "1", "rad", "1")
 SURE = 2.0  # standard deviations over the drawn contacts by which an outcome's range must exceed to matter (a choice)
 LITTLE = 0.01  # share of the cost below which what a setting gains is called little (a choice)
@@ -221,7 +222,7 @@ KINDS = {
 
 
 def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
-    """KINDS of a solved stride; the changes are from the recording."""
+    """KINDS of a solved stride; the changes are from the stride's reference."""
     y, index, reference = solution.last_y(), stride.function.index, stride.reference
     mass, weight = stride.model.subject.mass_kg, stride.model.weight
 
@@ -279,6 +280,7 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
     if not unless_interrupted(result.tracked).success:
         return f"the recorded stride could not be tracked: {result.tracked.message}"
     search.sizes = {name: search.stride.value(name, result.tracked.y()) for name in COSTS}
+    search.stride = dataclasses.replace(search.stride, consistent=result.tracked)
     result.doing = "sweeping the fulcrum"
     swept(search, result.tracked.last, result.sweep, chains=options.confirm != ())
     if not result.solved:
@@ -317,7 +319,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         result.checks.append(TuningCheck(name, label, value, unit, target, met, say("stride", part or name,
                                                                                     **numbers)[0]))
 
-    worst, force = _tracking_errors(result.tracked, stride)
+    worst, force = _tracking_errors(result.tracked, tuning.stride)
     add("tracking_motion", "tracked stride, worst angle", worst, "deg", f"<= {ANGLE_DEG:g}", worst <= ANGLE_DEG,
         worst=worst)
     add("tracking_force", "tracked stride, resultant force of the worse foot", 100.0 * force, "% body weight",
@@ -347,6 +349,11 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
             result.simulated |= run.arrays()
     if not tuning.options.confirm:
         return
+    for mm, end in (result.solved[0], result.solved[-1]):
+        found = dataclasses.replace(search, cost="tracking").free(end.last, f"tracked from {mm:.0f} mm", 0.55)
+        off = position_mm(found) - stride.own_m / MM if found.success else None
+        add(f"found_from_{mm:.0f}", f"consistent stride, tracked from {mm:.0f} mm", off, "mm", f"<= {FOUND_MM:g}",
+            off is not None and abs(off) <= FOUND_MM, part="found", mm=mm, off=off, message=found.message)
     grid = dataclasses.replace(stride.grid, intervals=2 * stride.grid.intervals)
     smoothing = dataclasses.replace(stride.smoothing, depth_m=2.0 * stride.smoothing.depth_m)
     for name, label, what, done, start, changed in (
@@ -438,15 +445,15 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
 def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
     """The content of `tuning.npz`: motion, torque (N m) and force (N) over the phase, recorded and re-simulated."""
     stride, best, y = result.search.stride, result.shown.last, result.shown.last_y()
-    function, grid, reference = stride.function, stride.grid, stride.reference
+    function, grid, recorded = stride.function, stride.grid, result.tuning.stride.reference
     torque = function.starting_with("torque_")
     arrays = {"phase": grid.times_s / grid.duration_s, "names": np.array(function.layout.coordinates),
-              "q": best.z[:, function.layout.q], "q_recorded": reference.q, "torque": y[:, torque],
+              "q": best.z[:, function.layout.q], "q_recorded": recorded.q, "torque": y[:, torque],
               "torque_recorded": result.tracked.last_y()[:, torque], "tracked_z": result.tracked.last.z,
               "tracked_p": result.tracked.last.p, "best_z": best.z, "best_p": best.p}
-    for foot, force in reference.force.items():
+    for foot, force in recorded.force.items():
         arrays[f"grf_{foot}"] = y[:, function.index(f"{foot}_fx", f"{foot}_fz")]
-        if reference.known[foot].all():
+        if recorded.known[foot].all():
             arrays[f"grf_{foot}_recorded"] = force
     return arrays | {name: value[:grid.instants] for name, value in result.simulated.items()}
 

@@ -6,8 +6,9 @@
                  muscle work (Margaria's), applied to joints
     push_off     -1/m int P+ dt over late prosthetic stance, J/kg: P is the power of the ground's wrench at the motion
                  of the residual shank
-    deviation    1/T int mean of the squares of (q - q_rec) / scale and (F - F_rec) / scale, centre of pressure
-                 included, and a little of that of the accelerations, which else alternate from instant to instant
+    deviation    1/T int mean of the squares of (q - q_ref) / scale and (F - F_ref) / scale, centre of pressure
+                 included, and a little of that of the accelerations, which else alternate from instant to instant; from
+                 the recording, or from the consistent stride that stands for it (`reference`)
     tracking     the deviation, and a little joint_load
 
 A cost counts as its size over that in the tracked stride, plus `deviation_weight` times the deviation (push_off alone:
@@ -23,17 +24,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from vsf_drake.analysis.tuning.common import WEIGHTED, CommonOptions
 from vsf_drake.analysis.tuning.level1.costs import NEGATIVE_EFFICIENCY, POSITIVE_EFFICIENCY
-from vsf_drake.analysis.tuning.recorded_projection import TY
+from vsf_drake.analysis.tuning.level2.balance import quasi_static_motion
+from vsf_drake.analysis.tuning.level2.reference import StrideReference, consistent_reference, stride_reference
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
 from vsf_drake.collocation import problem as collocation
 from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
-from vsf_drake.collocation.solution import Start
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.collocation.solution import Start, TrajectorySolution
+from vsf_drake.errors import InputError
 from vsf_drake.schema import choice, quantity
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel, Smoothing
@@ -47,10 +47,11 @@ OWN = np.array([np.nan, 1.0, 0.0, 1.0])  # the device as it is, by DESIGN
 RANGE = {"heel_stiffness": (0.5, 2.0), "alignment_rad": (-0.07, 0.07), "keel_thickness": (0.8, 1.25)}
 """Bounds of the design variables unless given."""
 STAGES = (
-    Smoothing(depth_m=2e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),
+    Smoothing(depth_m=2e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.3, damping=1.0),
     Smoothing(depth_m=1e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0))
-"""Down to the fitted contact, but for its last millimetre; the optimum counts only at the end of them. From a recorded
-stride no softer ones are needed (a choice)."""
+"""Down to the fitted contact, but for its last millimetre; the optimum counts only at the end of them (choices). The
+first has friction that saturates later: where it is saturated its gradient is zero, and a search that begins there
+ends with a foot that shuffles to and fro from instant to instant (`medium_1` of the exact tier: twice the cost)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,55 +102,12 @@ class StrideOptions(CommonOptions):
             raise InputError("there are none", where="stages", right="Give at least one")
 
 
-SWING_MIDDLE = (0.3, 0.7)  # share of a swing in which the foot must clear the ground
-FEET = ("prosthetic", "intact")
-
-
-@dataclass(frozen=True, eq=False)
-class StrideReference:
-    """N instants of a recorded stride, sagittal; SI."""
-
-    q: np.ndarray  # (N, 8), and its derivatives
-    v: np.ndarray
-    a: np.ndarray
-    force: dict[str, np.ndarray]  # by foot (N, 2) fx, fz in N, 0 where not known
-    cop_x: dict[str, np.ndarray]  # by foot (N,) m, 0 where there is no load
-    known: dict[str, np.ndarray]  # by foot (N,) whether the force was measured
-    stance: dict[str, np.ndarray]  # by foot (N,)
-    clear: dict[str, np.ndarray]  # by foot (N,) middle of swing
-    late: np.ndarray  # (N,) late prosthetic stance
-
-
-def stride_reference(recorded: RecordedStride, times: np.ndarray, late_share: float) -> StrideReference:
-    """The recorded stride at instants (N,) s."""
-    period, never = recorded.period_s, np.zeros(len(times), dtype=bool)
-    by_foot: dict[str, dict[str, np.ndarray]] = {name: {} for name in ("force", "cop_x", "known", "stance", "clear")}
-    for foot, span in zip(FEET, (recorded.prosthetic_stance, recorded.intact_stance), strict=True):
-        force, cop = recorded.measured(foot, times)
-        by_foot["force"][foot], by_foot["cop_x"][foot] = np.nan_to_num(force[:, :2]), np.nan_to_num(cop)
-        by_foot["known"][foot] = np.isfinite(force[:, :2]).all(axis=1)
-        by_foot["stance"][foot] = by_foot["clear"][foot] = never
-        if span is not None:
-            by_foot["stance"][foot] = ~np.isnan(_share(times, *span, period))
-            swing = _share(times, span[1], span[0] + period, period)
-            by_foot["clear"][foot] = (swing >= SWING_MIDDLE[0]) & (swing <= SWING_MIDDLE[1])
-    q, v, a = recorded.sample(times)
-    return StrideReference(q=q, v=v, a=a, **by_foot,
-                           late=_share(times, *recorded.prosthetic_stance, period) >= late_share)
-
-
-def _share(times_s: np.ndarray, start: float, end: float, period_s: float) -> np.ndarray:
-    """(N,) share of the way from start to end at times modulo the period, NaN outside of it."""
-    share = np.mod(times_s - start, period_s) / (end - start)
-    return np.where(share <= 1.0, share, np.nan)
-
-
 class StrideFunction:
     """The sagittal person as a function of one instant: y (N, m) of z (N, Z), p (4,), an `InstantFunction`.
 
-    Outputs are those of `SagittalModel.evaluate`; FOOT_cop_moment, the ground's moment (N m) about +y at the recorded
-    centre of pressure; q_* and a_*, the coordinates and their accelerations themselves, for what compares with a
-    recording. cop_x: by foot (N,) m, where the recorded centre of pressure is. names: (m,) of the outputs.
+    Outputs are those of `SagittalModel.evaluate`; FOOT_cop_moment, the ground's moment (N m) about +y at the
+    reference's centre of pressure; q_* and a_*, the coordinates and their accelerations themselves, for what compares
+    with a reference. cop_x: by foot (N,) m, where that moment counts. names: (m,) of the outputs.
     """
 
     def __init__(self, model: SagittalModel, smoothing: Smoothing, cop_x: Mapping[str, np.ndarray]) -> None:
@@ -202,10 +160,14 @@ class Stride:
     options: StrideOptions
     grid: Grid
     smoothing: Smoothing
+    consistent: TrajectorySolution | None = None  # the tracked stride, that stands for the recording from then on
 
     @cached_property
     def reference(self) -> StrideReference:
-        return stride_reference(self.recorded, self.grid.times_s, self.options.late_share)
+        recorded = stride_reference(self.recorded, self.grid.times_s, self.options.late_share)
+        if self.consistent is None:
+            return recorded
+        return consistent_reference(recorded, self.consistent, self.grid, self.model.outputs)
 
     @cached_property
     def function(self) -> StrideFunction:
@@ -268,7 +230,7 @@ class Stride:
         for foot, force in reference.force.items():
             outputs = self.function.index(f"{foot}_fx", f"{foot}_fz", f"{foot}_cop_moment")
             scales = self.model.weight * np.array([options.force_bw, options.force_bw, options.cop_m])
-            terms.append(Residuals(outputs=outputs, target=np.column_stack([force, np.zeros(len(force))]),
+            terms.append(Residuals(outputs=outputs, target=np.column_stack([force, reference.moment[foot]]),
                                    weight=0.5 * each / (3 * len(reference.force)) * reference.known[foot][:, None]
                                    / scales**2))
         return terms
@@ -368,99 +330,3 @@ def _variable_scales(layout: Layout) -> np.ndarray:
     w = np.concatenate([socket, np.full(layout.k - len(SOCKET), 0.02)])
     scale[layout.w], scale[layout.u] = w, 10.0 * w
     return scale
-
-
-# Keel and socket under the load of a given motion: the displacements at which every instant is in balance.
-
-
-BALANCED = 1e-8  # largest force (N) or moment (N m) that is left, over body weight
-ITERATIONS, HALVINGS = 100, 25
-
-
-def quasi_static_motion(
-    model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, p: np.ndarray, rates: sp.spmatrix,
-    smoothing: Smoothing, *, start: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """w, u (12, N) of a motion q, v, a (8, N) with the design p (4,), from the first guess `start` (12, N) or zeros on;
-    SimulationError where no balance is found, with the instant and coordinate that lack most.
-
-    u = rates w over the instants, rates (N, N) sparse. It must not look ahead only, as a one-sided difference at the
-    first instant does: a damper would push; let a motion that is not periodic begin with a row of 0.
-
-    Undeformed, a stiff foot is pressed into the ground with many times the person's weight, and Newton's method may
-    stall on the way from there; the motion is then lifted off the ground and set down step by step.
-    """
-    def lifted(height: float, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        return _balanced(model, q + height * LIFT, v, a, p, rates, smoothing, start)
-
-    try:
-        return lifted(0.0, start)
-    except SimulationError as error:
-        stalled = error
-    try:
-        w, u = lifted(LIFTED_M, None)
-    except SimulationError:
-        raise stalled from None
-    height, step = LIFTED_M, SET_DOWN_M
-    while height > 0.0:
-        lower = max(height - step, 0.0)
-        try:
-            w, u = lifted(lower, w)
-        except SimulationError:
-            step *= 0.25
-            if step < LEAST_DOWN_M:
-                raise stalled from None
-        else:
-            height, step = lower, 2.0 * step
-    return w, u
-
-
-LIFTED_M, SET_DOWN_M, LEAST_DOWN_M = 0.05, 0.005, 1e-4  # feet sink in by 3 cm at most; steps down, first and last
-LIFT = (np.arange(8) == TY).astype(float)[:, None]
-
-
-def _balanced(model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, p: np.ndarray, rates: sp.spmatrix,
-              smoothing: Smoothing, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """`quasi_static_motion` from one first guess, by Newton's method."""
-    k, N = len(model.quasi_static), q.shape[1]
-    w = np.zeros((k, N)) if start is None else np.array(start)
-    design = np.repeat(np.asarray(p, dtype=float)[:, None], N, 1)
-    rows, rates = slice(3, 3 + k), sp.coo_matrix(rates)
-
-    def left(w: np.ndarray) -> np.ndarray:
-        return model.evaluate(q, v, a, w, (rates @ w.T).T, design, smoothing)[rows]
-
-    first = 3 * len(q)
-    for _ in range(ITERATIONS):
-        y, by = linearise(model, q, v, a, w, (rates @ w.T).T, design, smoothing)
-        r, by = y[rows], by[rows, first:first + 2 * k]
-        if np.abs(r).max() <= BALANCED * model.weight:
-            return w, (rates @ w.T).T
-        if not np.isfinite(by).all():
-            break
-        try:
-            step = -_solved(by[:, :k], by[:, k:], rates, r)
-        except RuntimeError:  # exactly singular
-            break
-        size, before = 1.0, float((r * r).sum())
-        for _ in range(HALVINGS):
-            after = left(w + size * step)
-            if float((after * after).sum()) < before * (1.0 - 1e-4 * size):
-                break
-            size *= 0.5
-        else:
-            break
-        w = w + size * step
-    at, instant = np.unravel_index(np.argmax(np.where(np.isfinite(r), np.abs(r), np.inf)), r.shape)
-    raise SimulationError(f"keel and socket find no balance under this motion's load: at instant {instant + 1} of {N} "
-                          f"{model.quasi_static[at]} is off by {abs(r[at, instant]):.3g} N or N m", time_s=0.0)
-
-
-def _solved(by_w: np.ndarray, by_u: np.ndarray, rates: sp.coo_matrix, r: np.ndarray) -> np.ndarray:
-    """w (k, N) for which by_w w + by_u (rates w) is r; an instant's unknowns together."""
-    k, N = r.shape
-    i, j = (index[..., None] for index in np.indices((k, k)))
-    of, at = (np.concatenate([np.arange(N), part]) * k for part in (rates.row, rates.col))
-    entries = np.concatenate([by_w, by_u[..., rates.row] * rates.data], axis=-1)
-    A = sp.csc_matrix((entries.ravel(), ((of + i).ravel(), (at + j).ravel())), shape=(k * N, k * N))
-    return np.asarray(splu(A).solve(r.T.ravel())).reshape(N, k).T
