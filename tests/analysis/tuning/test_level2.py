@@ -1,13 +1,15 @@
 """The stride that is solved for: its derivatives, its costs, what it is against the recording and the full model."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from vsf_drake.analysis.tuning.common import COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.solve import StrideSearch, tracked
+from vsf_drake.analysis.tuning.level2.search import StrideSearch, tracked
 from vsf_drake.analysis.tuning.level2.stride import MM
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
@@ -46,13 +48,36 @@ def test_a_stride_begins_in_balance_and_its_derivatives_equal_central_difference
     balance = [i for i in stride.function.starting_with("balance_") if "pelvis" not in stride.function.names[i]]
     assert np.abs(y[:, balance]).max() < 1e-6 * stride.model.weight, "of keel and socket"
     rng = np.random.default_rng(3)
-    dz, dp = rng.standard_normal(start.z.shape), np.array([1e-2, 0.3, 0.1, 0.2])
+    dz, dp = rng.standard_normal(start.z.shape), np.array([1e-2, 0.3, 0.1, 0.2, 0.3])
     dz[:, stride.function.layout.w] *= 1e-2
-    h = 1e-6
-    ahead, behind = (stride.function.evaluate(start.z + s * h * dz, start.p + s * h * dp) for s in (1.0, -1.0))
+    h, p = 1e-6, np.append(start.p[:-1], 1.1)
+    y, by_z, by_p = stride.function.linearise(start.z, p)
+    ahead, behind = (stride.function.evaluate(start.z + s * h * dz, p + s * h * dp) for s in (1.0, -1.0))
     exact = np.einsum("nmz,nz->nm", by_z, dz) + by_p @ dp
     scale = np.abs(exact).max(axis=0) + 1.0
     assert np.abs((ahead - behind) / (2.0 * h) - exact).max(axis=0) / scale == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_stride_that_takes_longer_is_the_same_curve_with_slower_rates_at_the_recorded_speed(tuning, stride):
+    """The other way: what is handed over meets the collocation of a grid of the longer time, with its advance."""
+    pace, grid, layout = 1.1, stride.grid, stride.function.layout
+    z, p = np.zeros((grid.instants, layout.size)), np.array([0.1, 1.0, 0.0, 1.0, pace])
+    t, T = grid.times_s[:, None], grid.duration_s
+    w = 2.0 * np.pi / T * np.arange(1, layout.n + 1)
+    z[:, layout.q], z[:, layout.v], z[:, layout.a] = np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)
+    z[:, 1] += stride.speed * t[:, 0]
+    z[:, layout.v][:, 1] += stride.speed
+    end = SimpleNamespace(problem=stride.problem([], (66.0, 151.0)), z=z, p=p,
+                          y=lambda: np.zeros((grid.instants, len(stride.function.names))))
+    given = solved_trajectory(end, tuning.walker, outputs=stride.function.names)
+    assert given.period_s == pytest.approx(pace * T) and given.advance[1] == pytest.approx(stride.speed * pace * T)
+    _, v, a, *_ = stride.function.parts(z, p)
+    np.testing.assert_allclose(given.v[:-1], v.T)
+    np.testing.assert_allclose(given.a[:-1], a.T)
+    spline = CubicSpline(given.time_s, given.q, axis=0)
+    inner = slice(4, -4)
+    np.testing.assert_allclose(spline(given.time_s, 1)[inner, :4], given.v[inner, :4], rtol=1e-3, atol=0.02)
+    assert given.v[:-1, 1].mean() == pytest.approx(stride.speed, rel=1e-9)
 
 
 def test_constant_joint_power_costs_its_work_over_the_efficiencies(stride):

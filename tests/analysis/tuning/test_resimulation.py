@@ -31,7 +31,7 @@ from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.motion.trajectory import low_pass
 from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.reactions import foot_reaction
-from vsf_drake.simulation.sagittal.model import sagittal_coordinates
+from vsf_drake.simulation.sagittal.model import DESIGN, sagittal_coordinates
 
 FEET = ("prosthetic", "intact")
 
@@ -144,7 +144,7 @@ def test_outputs_variables_and_device_are_the_solution_s(solution):
     for kind in ("q", "v", "a"):
         z[:, getattr(layout, kind)] = getattr(solution, kind)[:-1]
     y = np.arange(len(names)) + 100.0 * np.arange(grid.instants)[:, None]
-    problem = SimpleNamespace(layout=layout, grid=grid, advance=solution.advance)
+    problem = SimpleNamespace(layout=layout, grid=grid, advance=solution.advance, design=SimpleNamespace(names=DESIGN))
     end = SimpleNamespace(problem=problem, z=z, p=np.array([0.12, 1.2, 0.01, 0.9]), y=lambda: y)
     given = solved_trajectory(end, embedded_walker(), outputs=names)
     for name in ("time_s", "q", "v", "a"):

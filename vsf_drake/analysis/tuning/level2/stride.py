@@ -2,7 +2,7 @@
 
     joint_load   1/T int sum_j (tau_j / (m g L))^2 + w_s [ (F_x^2 + F_z^2) / (m g)^2 + M^2 / (m g L)^2 ] dt, five
                  sagittal joints, F and M of the socket on the residual limb; without unit
-    metabolic    1/m int sum_j P_j+ / 0.25 + P_j- / 1.2 dt, J/kg a stride: the efficiencies of positive and negative
+    metabolic    1/m int sum_j P_j+ / 0.25 + P_j- / 1.2 dt, J/kg: the efficiencies of positive and negative
                  muscle work (Margaria's), applied to joints
     push_off     -1/m int P+ dt over late prosthetic stance, J/kg: P is the power of the ground's wrench at the motion
                  of the residual shank
@@ -13,6 +13,14 @@
 
 A cost counts as its size over that in the tracked stride, plus `deviation_weight` times the deviation (push_off alone:
 ten times that). P+ = (P + sqrt(P^2 + e^2) - e) / 2, P- likewise.
+
+The speed is the recorded one; the stride's time T may differ by a factor r from the recorded T_0, its length with it.
+The unknowns are curves over T_0, for which the collocation stays linear; what moves is
+
+    q + (r - 1) speed t e_x,    v = (q' + (r - 1) speed e_x) / r,    a = q'' / r^2,    u = w' / r
+
+with e_x the pelvis's way forward, which the level ground does not feel. T in the costs above is then T_0, so that
+metabolic and push_off are of the distance of the recorded stride.
 """
 
 from __future__ import annotations
@@ -29,6 +37,7 @@ from vsf_drake.analysis.tuning.common import WEIGHTED, CommonOptions
 from vsf_drake.analysis.tuning.level1.costs import NEGATIVE_EFFICIENCY, POSITIVE_EFFICIENCY
 from vsf_drake.analysis.tuning.level2.balance import quasi_static_motion
 from vsf_drake.analysis.tuning.level2.reference import StrideReference, consistent_reference, stride_reference
+from vsf_drake.analysis.tuning.recorded_projection import TX
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
 from vsf_drake.collocation import problem as collocation
 from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
@@ -43,15 +52,16 @@ LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimat
           "push_off": "push-off work, negative", "tracking": "deviation from the recording",
           "deviation": "deviation from the recording"}
 Term = Residuals | Convex
-OWN = np.array([np.nan, 1.0, 0.0, 1.0])  # the device as it is, by DESIGN
-RANGE = {"heel_stiffness": (0.5, 2.0), "alignment_rad": (-0.07, 0.07), "keel_thickness": (0.8, 1.25)}
+PACE = "stride_time"  # over the recorded one
+FREE = (*DESIGN, PACE)  # what all instants share
+OWN = np.array([np.nan, 1.0, 0.0, 1.0, 1.0])  # the device as it is, by FREE
+RANGE = {"heel_stiffness": (0.5, 2.0), "alignment_rad": (-0.07, 0.07), "keel_thickness": (0.8, 1.25), PACE: (0.8, 1.25)}
 """Bounds of the design variables unless given."""
 STAGES = (
-    Smoothing(depth_m=2e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.3, damping=1.0),
+    Smoothing(depth_m=2e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0),
     Smoothing(depth_m=1e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.1, damping=1.0))
-"""Down to the fitted contact, but for its last millimetre; the optimum counts only at the end of them (choices). The
-first has friction that saturates later: where it is saturated its gradient is zero, and a search that begins there
-ends with a foot that shuffles to and fro from instant to instant (`medium_1` of the exact tier: twice the cost)."""
+"""Down to the fitted contact, but for its last millimetre; the optimum counts only at the end of them. From a recorded
+stride no softer ones are needed (a choice)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,11 +73,13 @@ class StrideOptions(CommonOptions):
         deviation_weight: how much of its own size a cost may lose for a deviation of one, a root mean square of
             `angle_deg` and `place_m` from the recorded motion and of `force_bw` and `cop_m` from the recorded force.
             A cost without it exploits what the model does not know: balance, comfort, the contact's law.
+        hold_factors: of the deviation's weight, with which the optimum and the signs of stiffness are asked again.
         acceleration_weight: of deviations from the recorded accelerations by `acceleration_rad_per_s2` and
             `acceleration_m_per_s2` in the deviation.
         torque_weight: of the squared joint moments in the tracking cost, to make the solution unique.
         smooth_power_w: power below which positive and negative work are rounded.
         torque_nm_per_kg: largest joint moment. angle_margin_deg: how far an angle may leave the range of its recording.
+        free_time: whether the stride's time, and its length at the recorded speed, are free too, but in tracking.
         clearance_m: least height of a foot over the ground in the middle of its swing.
         stages: of smoothing, the last of which counts.
         positions: how many fixed positions the sweep takes. time_limit_s: of one solve.
@@ -91,8 +103,10 @@ class StrideOptions(CommonOptions):
     smooth_power_w: float = quantity(5.0, unit="W", low=0.1, high=100.0, source="choice")
     torque_nm_per_kg: float = quantity(4.0, unit="N m/kg", low=0.5, high=20.0, source="choice")
     angle_margin_deg: float = quantity(15.0, unit="deg", low=1.0, high=90.0, source="choice")
+    free_time: bool = True
     clearance_m: float = quantity(0.01, unit="m", low=-0.05, high=0.05, source="choice")
     stages: tuple[Smoothing, ...] = STAGES
+    hold_factors: tuple[float, ...] = (0.25, 4.0)  # a choice
     positions: int = quantity(9, unit="1", low=2, high=100, source="choice")
     time_limit_s: float = quantity(120.0, unit="s", low=1.0, high=1e5, source="choice")
 
@@ -100,18 +114,21 @@ class StrideOptions(CommonOptions):
         super().__post_init__()
         if not self.stages:
             raise InputError("there are none", where="stages", right="Give at least one")
+        if not all(factor > 0.0 for factor in self.hold_factors):
+            raise InputError(f"{self.hold_factors} are not all above 0", where="hold_factors")
 
 
 class StrideFunction:
-    """The sagittal person as a function of one instant: y (N, m) of z (N, Z), p (4,), an `InstantFunction`.
+    """The sagittal person as a function of one instant: y (N, m) of z (N, Z), p (5,) of FREE, an `InstantFunction`.
 
     Outputs are those of `SagittalModel.evaluate`; FOOT_cop_moment, the ground's moment (N m) about +y at the
     reference's centre of pressure; q_* and a_*, the coordinates and their accelerations themselves, for what compares
-    with a reference. cop_x: by foot (N,) m, where that moment counts. names: (m,) of the outputs.
+    with a reference. cop_x: by foot (N,) m, where that moment counts. speed: m/s. names: (m,) of the outputs.
     """
 
-    def __init__(self, model: SagittalModel, smoothing: Smoothing, cop_x: Mapping[str, np.ndarray]) -> None:
-        self.model, self.smoothing = model, smoothing
+    def __init__(self, model: SagittalModel, smoothing: Smoothing, cop_x: Mapping[str, np.ndarray], speed: float
+                 ) -> None:
+        self.model, self.smoothing, self.speed = model, smoothing, speed
         self.layout = Layout(coordinates=model.coordinates, quasi_static=model.quasi_static)
         self.names = (*model.outputs, *(f"{foot}_cop_moment" for foot in cop_x),
                       *(f"{kind}_{name}" for kind in "qa" for name in model.coordinates))
@@ -125,28 +142,39 @@ class StrideFunction:
         return [i for i, name in enumerate(self.names) if name.startswith(start)]
 
     def evaluate(self, z: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return self._whole(self.model.evaluate(*self._parts(z, p)).T, z)
+        return self._whole(self.model.evaluate(*self.parts(z, p)).T, z, p[-1])
 
     def linearise(self, z: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(N, m), (N, m, Z), (N, m, P)."""
-        y, by = linearise(self.model, *self._parts(z, p))
-        by = by.transpose(2, 0, 1)
-        size, n = self.layout.size, self.layout.n
+        _, v, a, _, u, *_ = parts = self.parts(z, p)
+        y, by = linearise(self.model, *parts)
+        by, layout, pace = by.transpose(2, 0, 1), self.layout, p[-1]
+        size, n = layout.size, layout.n
         moments_by = [(by[:, my] + x[:, None] * by[:, fz])[:, None] for my, fz, x in self._feet]
         by = np.concatenate([by, *moments_by], axis=1)
         by_z = np.concatenate([by[:, :, :size], np.zeros((len(z), 2 * n, size))], axis=1)
-        by_z[:, -2 * n:-n, self.layout.q] = by_z[:, -n:, self.layout.a] = np.eye(n)
-        by_p = np.concatenate([by[:, :, size:], np.zeros((len(z), 2 * n, len(p)))], axis=1)
-        return self._whole(y.T, z), by_z, by_p
+        by_z[:, -2 * n:-n, layout.q] = by_z[:, -n:, layout.a] = np.eye(n)
 
-    def _whole(self, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+        # r dv/dr = speed e_x - v, r da/dr = -2 a, r du/dr = -u, at given unknowns.
+        v[TX] -= self.speed
+        by_pace = -sum(gain * np.einsum("nmi,in->nm", by_z[:, :, part], moved) / pace
+                       for gain, part, moved in ((1.0, layout.v, v), (2.0, layout.a, a), (1.0, layout.u, u)))
+        for power, part in ((1, layout.v), (2, layout.a), (1, layout.u)):
+            by_z[:, :, part] /= pace**power
+        by_device = np.concatenate([by[:, :, size:], np.zeros((len(z), 2 * n, len(DESIGN)))], axis=1)
+        return self._whole(y.T, z, pace), by_z, np.concatenate([by_device, by_pace[:, :, None]], axis=2)
+
+    def _whole(self, y: np.ndarray, z: np.ndarray, pace: float) -> np.ndarray:
         moments = [(y[:, my] + x * y[:, fz])[:, None] for my, fz, x in self._feet]
-        return np.concatenate([y, *moments, z[:, self.layout.q], z[:, self.layout.a]], axis=1)
+        return np.concatenate([y, *moments, z[:, self.layout.q], z[:, self.layout.a] / pace**2], axis=1)
 
-    def _parts(self, z: np.ndarray, p: np.ndarray) -> tuple[Any, ...]:
-        layout = self.layout
-        return (*(np.ascontiguousarray(z[:, part].T) for part in (layout.q, layout.v, layout.a, layout.w, layout.u)),
-                np.repeat(p[:, None], len(z), 1), self.smoothing)
+    def parts(self, z: np.ndarray, p: np.ndarray) -> tuple[Any, ...]:
+        """What `SagittalModel.evaluate` is to be given, but for the shift along the ground."""
+        layout, (*device, pace) = self.layout, p
+        q, v, a, w, u = (np.ascontiguousarray(z[:, part].T)
+                         for part in (layout.q, layout.v, layout.a, layout.w, layout.u))
+        v[TX] += (pace - 1.0) * self.speed
+        return q, v / pace, a / pace**2, w, u / pace, np.repeat(np.array(device)[:, None], len(z), 1), self.smoothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +199,12 @@ class Stride:
 
     @cached_property
     def function(self) -> StrideFunction:
-        return StrideFunction(self.model, self.smoothing, self.reference.cop_x)
+        return StrideFunction(self.model, self.smoothing, self.reference.cop_x, self.speed)
+
+    @property
+    def speed(self) -> float:
+        """m/s, the recorded one."""
+        return self.recorded.advance_m / self.recorded.period_s
 
     @property
     def reach_mm(self) -> tuple[float, float]:
@@ -240,12 +273,12 @@ class Stride:
 
     def problem(self, terms: Sequence[Term], fulcrum_mm: tuple[float, float], design: tuple[str, ...] = ()
                 ) -> collocation.TrajectoryProblem:
-        """The problem with the fulcrum within a range; equal ends fix it. design: of DESIGN, what else is free."""
+        """The problem with the fulcrum within a range; equal ends fix it. design: of FREE, what else is free."""
         function, reference, options = self.function, self.reference, self.options
         layout, low, high = function.layout, OWN.copy(), OWN.copy()
         low[0], high[0] = fulcrum_mm[0] * MM, fulcrum_mm[1] * MM
         for name in design:
-            low[DESIGN.index(name)], high[DESIGN.index(name)] = options.design_bounds.get(name, RANGE[name])
+            low[FREE.index(name)], high[FREE.index(name)] = options.design_bounds.get(name, RANGE[name])
         margin = np.radians(options.angle_margin_deg)
         z_low, z_high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         z_low[3:8], z_high[3:8] = reference.q[:, 3:].min(0) - margin, reference.q[:, 3:].max(0) + margin
@@ -260,14 +293,14 @@ class Stride:
             function, layout, self.grid, outputs=len(function.names), equations=function.starting_with("balance_"),
             limits=limits, residuals=[part for part in terms if isinstance(part, Residuals)],
             convex=[part for part in terms if isinstance(part, Convex)],
-            design=collocation.Design(names=DESIGN, low=low, high=high, scale=np.array([0.02, 0.2, 0.02, 0.1])),
+            design=collocation.Design(names=FREE, low=low, high=high, scale=np.array([0.02, 0.2, 0.02, 0.1, 0.1])),
             advance=advance, low=z_low, high=z_high, z_scale=_variable_scales(layout),
             y_scale=_output_scales(function.names, self.model.weight, self.model.weight * self.leg_m))
 
     def start(self, fulcrum_mm: float) -> Start:
         """The recorded motion with keel and socket in balance: not yet a possible motion, but for them."""
         reference, layout, p = self.reference, self.function.layout, np.array([fulcrum_mm * MM, *OWN[1:]])
-        w, u = quasi_static_motion(self.model, reference.q.T, reference.v.T, reference.a.T, p, self.grid.rates(),
+        w, u = quasi_static_motion(self.model, reference.q.T, reference.v.T, reference.a.T, p[:-1], self.grid.rates(),
                                    self.smoothing)
         z = np.zeros((self.grid.instants, layout.size))
         z[:, layout.q], z[:, layout.v], z[:, layout.a] = reference.q, reference.v, reference.a
