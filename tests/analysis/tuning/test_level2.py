@@ -9,11 +9,14 @@ from scipy.interpolate import CubicSpline
 
 from vsf_drake.analysis.tuning.common import COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.search import StrideSearch, tracked
+from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, published_signs
+from vsf_drake.analysis.tuning.level2.saved import as_good
+from vsf_drake.analysis.tuning.level2.search import Fixed, Held, StrideSearch, StrideSolution, tracked
 from vsf_drake.analysis.tuning.level2.stride import MM
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
+from vsf_drake.collocation.solution import Start
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.motion.fitted_trial import trial_with
@@ -155,6 +158,29 @@ def test_a_consistent_stride_that_is_tracked_finds_its_own_fulcrum(stem):
     other = min(stride.reach_mm, key=lambda mm: -abs(mm - stride.own_m / MM))
     found = search.free(search.at(other, solution.last, "fixed").last, "free")
     assert found.success and abs(found.p[0] / MM - stride.own_m / MM) < 10.0
+
+
+def test_the_interval_holds_what_is_as_good_and_the_end_of_every_search_that_converged():
+    def ended(mm, cost, success=True):
+        return SimpleNamespace(last=Start(z=np.zeros(0), p=np.array([mm * MM])), last_cost=cost, success=success)
+
+    result = StrideSolution(tuning=None, tracked=ended(108.0, 1.0), search=None)
+    result.sweep = [Fixed(mm, ended(mm, cost)) for mm, cost in ((66.0, 1.2), (108.0, 1.005), (151.0, 1.3))]
+    assert as_good(result) is None, "no search with the fulcrum free converged"
+    result.free = [(66.0, ended(100.0, 1.0)), (151.0, ended(140.0, 1.2, success=False))]
+    assert as_good(result) == pytest.approx((100.0, 108.0))
+    result.drawn, result.held = [(ended(120.0, 1.0), None)], [Held(0.1, (), ended(90.0, 0.5))]
+    assert as_good(result) == pytest.approx((90.0, 120.0))
+
+
+def test_published_signs_of_the_foot_itself_turn_with_the_order_of_stiffness():
+    """Seven, of which those of dorsiflexion, push-off and energy are negative (Nichols 2023); what changes by less than
+    1 % has none."""
+    falls = {"dorsiflexion", "push_off_power", "stored_energy", "push_off_work"}
+    rows = [{name: 10.0 + (-step if name in falls else step) for name in MEASURES.values()} for step in (0.0, 1.0, 2.0)]
+    assert len(MEASURES) == 7 and all(published_signs(rows).values())
+    assert set(published_signs(rows[::-1]).values()) == {False}
+    assert set(published_signs([rows[0], rows[0], rows[0]]).values()) == {None}
 
 
 def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an_optimum(trial):

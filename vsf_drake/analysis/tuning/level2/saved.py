@@ -35,7 +35,7 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
         time_s = stride.grid.duration_s
         low_s, high_s, found_s = (float(time_s * x[-1]) for x in (best.problem.p_low, best.problem.p_high, p))
         design.append(t.DesignValue("stride time", "s", found_s, low=low_s, high=high_s, default=time_s))
-    near = _as_good(result)
+    near = as_good(result)
     width = (near[1] - near[0]) / (high - low) if near else 0.0
     lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
     different = [row for row in result.sweep
@@ -44,7 +44,8 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
         format=t.FORMAT, level=2, cost_name=tuning.cost, cost_label=" and ".join(LABELS[name] for name in names),
         cost_unit="1", optimal=result.success, status=result.message, fulcrum_mm=position_mm(best),
         cost=best.last_cost, at_bound=best.at_bound if result.success else (), fulcrum_interval_mm=near,
-        interval_meaning=say("stride", "interval", little=LITTLE, result=result)[0] if near else "",
+        interval_meaning=say("stride", "interval", little=LITTLE, result=result, failed=sum(
+            not solution.success for solution in result.asked_again))[0] if near else "",
         undecided=say("stride", "undecided", near=near, share=width)[0] if width > DECIDED else "",
         design=tuple(design),
         terms=tuple(t.Term(name, LABELS[name], value) for name, value in best.terms.items()),
@@ -102,13 +103,12 @@ def _outcomes(result: StrideSolution) -> list[t.Outcome]:
     return rows
 
 
-def _as_good(result: StrideSolution) -> tuple[float, float] | None:
+def as_good(result: StrideSolution) -> tuple[float, float] | None:
     """Between which positions the optimum may be: fixed ones whose cost is as good as the least, and the ends of all
     searches with the fulcrum free, from every start, with every drawn contact and every weight of the deviation."""
     if not result.solved or result.best is None:
         return None
     most = result.best.last_cost + LITTLE * abs(result.best.last_cost)
     near = [mm for mm, solution in result.solved if solution.last_cost <= most]
-    ends = [*(s for _, s in result.free), *(s for s, _ in result.drawn), *(held.free for held in result.held)]
-    near += [position_mm(solution) for solution in ends if solution.success]
+    near += [position_mm(solution) for solution in result.asked_again if solution.success]
     return min(near), max(near)

@@ -179,6 +179,11 @@ class StrideSolution:
         return [(row.fulcrum_mm, row.solution) for row in self.sweep if row.solution is not None]
 
     @property
+    def asked_again(self) -> list[TrajectorySolution]:
+        """Every search with the fulcrum free: from all starts, with drawn contacts, with other weights."""
+        return [*(s for _, s in self.free), *(s for s, _ in self.drawn), *(held.free for held in self.held)]
+
+    @property
     def settings(self) -> tuple[tuple[float, TrajectorySolution], ...]:
         """The softest, a middle and the stiffest position (mm) that the sweep solved, fewer if it solved no three."""
         return tuple(self.solved[i] for i in sorted({0, len(self.solved) // 2, len(self.solved) - 1})

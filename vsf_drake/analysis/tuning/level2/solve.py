@@ -110,6 +110,7 @@ def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
         rows.append((unless_interrupted(solution), other.stride))
     result.drawn = rows
 
+
 def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
     """The best strides with other weights of the deviation, and whether stiffness has the published signs with each."""
     search, options, stride = result.search, result.tuning.options, result.search.stride

@@ -49,8 +49,8 @@ from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel, S
 
 MM = 1e-3
 LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
-          "push_off": "push-off work, negative", "tracking": "deviation from the recording",
-          "deviation": "deviation from the recording"}
+          "push_off": "push-off work, negative", "tracking": "deviation from the consistent stride",
+          "deviation": "deviation from the consistent stride"}
 Term = Residuals | Convex
 PACE = "stride_time"  # over the recorded one
 FREE = (*DESIGN, PACE)  # what all instants share
@@ -188,7 +188,7 @@ class Stride:
     options: StrideOptions
     grid: Grid
     smoothing: Smoothing
-    consistent: TrajectorySolution | None = None  # the tracked stride, that stands for the recording from then on
+    consistent: TrajectorySolution | None = None  # the tracked stride, which stands for the recording from then on
 
     @cached_property
     def reference(self) -> StrideReference:
