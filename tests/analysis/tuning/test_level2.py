@@ -12,7 +12,7 @@ from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve,
 from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, published_signs
 from vsf_drake.analysis.tuning.level2.saved import as_good
 from vsf_drake.analysis.tuning.level2.search import Fixed, Held, StrideSearch, StrideSolution, tracked
-from vsf_drake.analysis.tuning.level2.stride import MM
+from vsf_drake.analysis.tuning.level2.stride import MM, STEADY
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
@@ -90,6 +90,19 @@ def test_constant_joint_power_costs_its_work_over_the_efficiencies(stride):
     work = 1000.0 * stride.grid.duration_s / stride.model.subject.mass_kg
     assert stride.value("metabolic", y) == pytest.approx(work * (1.0 / 0.25 + 1.0 / 1.2),
                                                          rel=stride.options.smooth_power_w / 1000.0)
+
+
+def test_metabolic_comes_with_half_a_joint_load_and_no_other_cost_does(stride):
+    sizes = dict.fromkeys(COSTS, 2.0)
+    y = np.random.default_rng(5).standard_normal((stride.grid.instants, len(stride.function.names)))
+
+    def total(cost, name):
+        return sum(float(stride.grid.weights @ part.values(y)) for part in stride.minimised(cost, sizes)
+                   if part.name == name)
+
+    assert total("metabolic", "steady") == pytest.approx(STEADY * stride.value("joint_load", y) / 2.0)
+    assert total("metabolic", "metabolic") == pytest.approx(stride.value("metabolic", y) / 2.0)
+    assert {part.name for part in stride.minimised("joint_load", sizes)} == {"joint_load", "deviation"}
 
 
 def test_a_recording_that_is_met_deviates_by_nothing(stride):
