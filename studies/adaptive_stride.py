@@ -38,9 +38,9 @@ from vsf_drake.simulation.archive import provenance
 
 COARSE, FINE = 20, 40  # intervals, of the searches that are many and of those that the full model carries out
 STARTS_MM = (66.0, 108.0, 151.0)
-WEIGHTS = (0.03, 0.125, 0.5, 2.0)
-SHOWN = ("stored_energy", "push_off_work", "push_off_power", "dorsiflexion", "ankle_moment", "knee_extension",
-         "knee_flexor_moment", "intact_first_peak", "metabolic", "stride_time")
+WEIGHTS = (0.125, 0.5, 2.0)
+SHOWN = ("stored_energy", "returned_energy", "push_off_work", "push_off_power", "dorsiflexion", "ankle_moment",
+         "knee_extension", "knee_flexor_moment", "intact_first_peak", "metabolic", "stride_time")
 
 
 class Recorded:
@@ -128,7 +128,7 @@ def main() -> None:
         print(cost, row, flush=True)
     results["signs"] = [signs(coarse[name], "joint_load", weight)
                         for name in (["medium_1"] if quick else ["low_1", "medium_1", "high_1"])
-                        for weight in (WEIGHTS[2:3] if quick else WEIGHTS)]
+                        for weight in (WEIGHTS[1:2] if quick else WEIGHTS)]
     for row in results["signs"]:
         print(row["recorded_mm"], row["cost"], row["weight"], row["count"], row["fulcrum_mm"], flush=True)
     results["provenance"] = provenance()

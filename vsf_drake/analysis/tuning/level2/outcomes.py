@@ -9,12 +9,13 @@ import numpy as np
 from vsf_drake.analysis.published import direction, published_effects
 from vsf_drake.analysis.tuning.level2.stride import Stride
 from vsf_drake.collocation.solution import TrajectorySolution
-from vsf_drake.simulation.sagittal.model import SOCKET
+from vsf_drake.simulation.sagittal.model import SOCKET, spring_forces
 
 KINDS = {
     "push_off_work": ("push-off work on the residual limb", "J/kg"),
     "push_off_power": ("largest power on the residual limb", "W/kg"),
-    "stored_energy": ("largest energy in keel, support and socket", "J"),
+    "stored_energy": ("largest energy in keel and support", "J"),
+    "returned_energy": ("what of that keel and support give back before the next strike", "J"),
     "dorsiflexion": ("largest turn of the keel's end, toe up", "deg"),
     "ankle_moment": ("largest moment at the pylon's end that turns the toe up", "N m/kg"),
     "prosthetic_first_peak": ("prosthetic first peak of the vertical force", "BW"),
@@ -37,7 +38,7 @@ SIGNS_OF = "Nichols 2023"
 """The source, in the table of published effects, whose signs were measured on the variable-stiffness foot itself."""
 MEASURES = {"dorsiflexion": "dorsiflexion", "plantarflexor moment": "ankle_moment", "knee extension": "knee_extension",
             "knee flexor moment": "knee_flexor_moment", "push-off power": "push_off_power",
-            "energy stored": "stored_energy", "energy returned": "push_off_work"}
+            "energy stored": "stored_energy", "energy returned": "returned_energy"}
 """Its measures, and the outcome that stands for each."""
 
 
@@ -62,11 +63,15 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
 
     # About the pylon's end, the origin of the link that the alignment turns: -M_y turns the toe up.
     layout, n, k = stride.function.layout, len(model.coordinates), len(model.quasi_static)
-    motion = model.motion(*stride.function.parts(last.z, last.p)[:-1])
+    parts = stride.function.parts(last.z, last.p)
+    motion, (w, u, p) = model.motion(*parts[:-1]), parts[3:6]
     pylon = model.dynamics.link[n + k + 1]
     moment = column("prosthetic_my") - (motion.z[pylon] * column("prosthetic_fx")
                                         - motion.x[pylon] * column("prosthetic_fz"))
-    turn = last.z[:, layout.w][:, len(SOCKET):] @ model.support.signs
+    keel = slice(len(SOCKET), None)
+    turn = model.support.signs @ w[keel]
+    _, springs = spring_forces(model.springs, w, u, model.spring_scale(p[3]))
+    energy = springs[keel].sum(axis=0) + model.support.load(w[keel], u[keel], p[0] + model.shift)[1]
 
     _, _, _, hip_p, knee_p, _, knee_i, _ = layout.coordinates
     late = reference.late & reference.stance["prosthetic"]
@@ -75,7 +80,8 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
              for foot, known in reference.force.items() if reference.known[foot].any()]
     pace = float(last.p[-1])
     return {
-        "push_off_work": -pace * stride.value("push_off", y), "stored_energy": float(column("stored_energy").max()),
+        "push_off_work": -pace * stride.value("push_off", y), "stored_energy": float(energy.max()),
+        "returned_energy": float(energy.max() - energy[int(energy.argmax()):].min()),
         "push_off_power": float(column("prosthesis_power")[late].max() / mass),
         "dorsiflexion": float(np.degrees(turn.max())), "ankle_moment": float(-moment.min() / mass),
         "prosthetic_first_peak": peak("prosthetic", False), "prosthetic_second_peak": peak("prosthetic", True),
