@@ -101,8 +101,8 @@ class SagittalModel:
         Outputs: balance_* (N, N m) what is left over of forces, 0 in a motion that is possible; torque_* (N m) and
         power_* (W) of the joints; the ground's force fx, fz (N) on each foot and moment about +y at W's origin (N m);
         force_* (N, N m) of the socket on the prosthesis; prosthesis_power (W), of the ground's wrench at the motion of
-        the residual shank, what everything below it gives to it but for inertia; stored_energy (J) of keel, fulcrum
-        and socket springs; *_sole (m): height of a foot's lowest sphere over the ground (smooth minimum).
+        the residual shank, what everything below it gives to it but for inertia; stored_energy (J) of keel and
+        fulcrum; *_sole (m): height of a foot's lowest sphere over the ground (smooth minimum).
         """
         n, k = len(q), len(w)
         motion = self.motion(q, v, a, w, u, p)
@@ -117,10 +117,11 @@ class SagittalModel:
         load[n + len(SOCKET):n + k] += support
         spring, stored = spring_forces(self.springs, w, u, self.spring_scale(p[3]))
         prosthetic, intact = (wrench[:, foot].sum(1) for foot in self.feet)
+        held = held + stored[len(SOCKET):].sum(0)
         torque, power = load[3:n], np.einsum("c...,c...->...", prosthetic, motion.V[:, self.shank])
         return np.concatenate([
             load[:3], load[n:n + k] - spring, torque, torque * v[3:], prosthetic[[1, 2, 0]], intact[[1, 2, 0]],
-            spring[:len(SOCKET)], np.stack([power, stored.sum(0) + held, *(sole(at.depth[f])[0] for f in self.feet)])])
+            spring[:len(SOCKET)], np.stack([power, held, *(sole(at.depth[f])[0] for f in self.feet)])])
 
     def motion(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray

@@ -9,7 +9,7 @@ import numpy as np
 from vsf_drake.analysis.published import direction, published_effects
 from vsf_drake.analysis.tuning.level2.stride import Stride
 from vsf_drake.collocation.solution import TrajectorySolution
-from vsf_drake.simulation.sagittal.model import SOCKET, spring_forces
+from vsf_drake.simulation.sagittal.model import SOCKET
 
 KINDS = {
     "push_off_work": ("push-off work on the residual limb", "J/kg"),
@@ -63,15 +63,12 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
 
     # About the pylon's end, the origin of the link that the alignment turns: -M_y turns the toe up.
     layout, n, k = stride.function.layout, len(model.coordinates), len(model.quasi_static)
-    parts = stride.function.parts(last.z, last.p)
-    motion, (w, u, p) = model.motion(*parts[:-1]), parts[3:6]
+    motion = model.motion(*stride.function.parts(last.z, last.p)[:-1])
     pylon = model.dynamics.link[n + k + 1]
     moment = column("prosthetic_my") - (motion.z[pylon] * column("prosthetic_fx")
                                         - motion.x[pylon] * column("prosthetic_fz"))
-    keel = slice(len(SOCKET), None)
-    turn = model.support.signs @ w[keel]
-    _, springs = spring_forces(model.springs, w, u, model.spring_scale(p[3]))
-    energy = springs[keel].sum(axis=0) + model.support.load(w[keel], u[keel], p[0] + model.shift)[1]
+    turn = last.z[:, layout.w][:, len(SOCKET):] @ model.support.signs
+    energy = column("stored_energy")
 
     _, _, _, hip_p, knee_p, _, knee_i, _ = layout.coordinates
     late = reference.late & reference.stance["prosthetic"]
