@@ -8,6 +8,7 @@ import subprocess
 import sys
 import warnings
 
+import adaptive_stride
 import check_stored
 import contact_fit
 import contact_truth_recovery
@@ -109,7 +110,8 @@ def test_a_kept_part_is_made_again_only_for_another_key(tmp_path):
 
 
 @pytest.mark.parametrize("script", [
-    contact_fit, contact_truth_recovery, device_hypotheses, floor_of_the_reference_subject, make_reference_subject],
+    adaptive_stride, contact_fit, contact_truth_recovery, device_hypotheses, floor_of_the_reference_subject,
+    make_reference_subject],
     ids=lambda script: script.__name__)
 def test_a_part_of_a_study_never_replaces_the_whole(monkeypatch, capsys, script):
     monkeypatch.setattr(sys, "argv", [script.__name__, "--quick"])
@@ -131,6 +133,24 @@ def test_the_quick_form_finds_the_stored_fit_again(tmp_path, fit_stored):
     for name in ("errors_by_trial", "fulcrum_sweeps"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000 and (tmp_path / f"{name}.svg").exists()
     assert sha256(FIT_STORED) == before
+
+
+# Strides that adapt: what the guide says of level 2.
+
+
+def test_consistent_strides_find_their_fulcrum_and_the_full_model_carries_every_cost_out():
+    """Nine of nine within 10 mm, and 3 % of body weight with a tenth of the torques, as `docs/guide/tune.md` says."""
+    stored = json.loads((RESULTS / "adaptive_stride.json").read_text(encoding="utf-8"))
+    assert stored["synthetic"] is True and len(stored["found"]) == 9
+    for stride in stored["found"].values():
+        assert len(stride["consistent_mm"]) == 3
+        assert all(abs(mm - stride["own_mm"]) < 1.1 for mm in stride["consistent_mm"].values())
+    off = [abs(stride["recording_mm"] - stride["own_mm"]) for stride in stored["found"].values()]
+    assert 52.0 < max(off) < 53.0, "the recordings themselves"
+    assert set(stored["costs"]) == {"joint_load", "metabolic", "push_off", "tracking"}
+    for cost in stored["costs"].values():
+        assert not cost["fell"] and cost["feedback_share"] < 0.1
+        assert max(cost["prescribed_percent_bw"], cost["feedback_percent_bw"]) < 3.0
 
 
 # Truth recovery: recordings that the model made are fitted back.

@@ -1,15 +1,22 @@
 """The stride that is solved for: its derivatives, its costs, what it is against the recording and the full model."""
 
+import dataclasses
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from vsf_drake.analysis.tuning.common import COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.solve import StrideSearch, tracked
-from vsf_drake.analysis.tuning.level2.stride import MM
+from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, published_signs
+from vsf_drake.analysis.tuning.level2.saved import as_good
+from vsf_drake.analysis.tuning.level2.search import Fixed, Held, StrideSearch, StrideSolution, tracked
+from vsf_drake.analysis.tuning.level2.stride import MM, STEADY
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
+from vsf_drake.collocation.solution import Start
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.motion.fitted_trial import trial_with
@@ -44,13 +51,36 @@ def test_a_stride_begins_in_balance_and_its_derivatives_equal_central_difference
     balance = [i for i in stride.function.starting_with("balance_") if "pelvis" not in stride.function.names[i]]
     assert np.abs(y[:, balance]).max() < 1e-6 * stride.model.weight, "of keel and socket"
     rng = np.random.default_rng(3)
-    dz, dp = rng.standard_normal(start.z.shape), np.array([1e-2, 0.3, 0.1, 0.2])
+    dz, dp = rng.standard_normal(start.z.shape), np.array([1e-2, 0.3, 0.1, 0.2, 0.3])
     dz[:, stride.function.layout.w] *= 1e-2
-    h = 1e-6
-    ahead, behind = (stride.function.evaluate(start.z + s * h * dz, start.p + s * h * dp) for s in (1.0, -1.0))
+    h, p = 1e-6, np.append(start.p[:-1], 1.1)
+    y, by_z, by_p = stride.function.linearise(start.z, p)
+    ahead, behind = (stride.function.evaluate(start.z + s * h * dz, p + s * h * dp) for s in (1.0, -1.0))
     exact = np.einsum("nmz,nz->nm", by_z, dz) + by_p @ dp
     scale = np.abs(exact).max(axis=0) + 1.0
     assert np.abs((ahead - behind) / (2.0 * h) - exact).max(axis=0) / scale == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_stride_that_takes_longer_is_the_same_curve_with_slower_rates_at_the_recorded_speed(tuning, stride):
+    """The other way: what is handed over meets the collocation of a grid of the longer time, with its advance."""
+    pace, grid, layout = 1.1, stride.grid, stride.function.layout
+    z, p = np.zeros((grid.instants, layout.size)), np.array([0.1, 1.0, 0.0, 1.0, pace])
+    t, T = grid.times_s[:, None], grid.duration_s
+    w = 2.0 * np.pi / T * np.arange(1, layout.n + 1)
+    z[:, layout.q], z[:, layout.v], z[:, layout.a] = np.sin(w * t), w * np.cos(w * t), -(w**2) * np.sin(w * t)
+    z[:, 1] += stride.speed * t[:, 0]
+    z[:, layout.v][:, 1] += stride.speed
+    end = SimpleNamespace(problem=stride.problem([], (66.0, 151.0)), z=z, p=p,
+                          y=lambda: np.zeros((grid.instants, len(stride.function.names))))
+    given = solved_trajectory(end, tuning.walker, outputs=stride.function.names)
+    assert given.period_s == pytest.approx(pace * T) and given.advance[1] == pytest.approx(stride.speed * pace * T)
+    _, v, a, *_ = stride.function.parts(z, p)
+    np.testing.assert_allclose(given.v[:-1], v.T)
+    np.testing.assert_allclose(given.a[:-1], a.T)
+    spline = CubicSpline(given.time_s, given.q, axis=0)
+    inner = slice(4, -4)
+    np.testing.assert_allclose(spline(given.time_s, 1)[inner, :4], given.v[inner, :4], rtol=1e-3, atol=0.02)
+    assert given.v[:-1, 1].mean() == pytest.approx(stride.speed, rel=1e-9)
 
 
 def test_constant_joint_power_costs_its_work_over_the_efficiencies(stride):
@@ -60,6 +90,19 @@ def test_constant_joint_power_costs_its_work_over_the_efficiencies(stride):
     work = 1000.0 * stride.grid.duration_s / stride.model.subject.mass_kg
     assert stride.value("metabolic", y) == pytest.approx(work * (1.0 / 0.25 + 1.0 / 1.2),
                                                          rel=stride.options.smooth_power_w / 1000.0)
+
+
+def test_metabolic_comes_with_half_a_joint_load_and_no_other_cost_does(stride):
+    sizes = dict.fromkeys(COSTS, 2.0)
+    y = np.random.default_rng(5).standard_normal((stride.grid.instants, len(stride.function.names)))
+
+    def total(cost, name):
+        return sum(float(stride.grid.weights @ part.values(y)) for part in stride.minimised(cost, sizes)
+                   if part.name == name)
+
+    assert total("metabolic", "steady") == pytest.approx(STEADY * stride.value("joint_load", y) / 2.0)
+    assert total("metabolic", "metabolic") == pytest.approx(stride.value("metabolic", y) / 2.0)
+    assert {part.name for part in stride.minimised("joint_load", sizes)} == {"joint_load", "deviation"}
 
 
 def test_a_recording_that_is_met_deviates_by_nothing(stride):
@@ -97,6 +140,60 @@ def test_a_free_fulcrum_is_at_least_as_good_as_where_it_was_freed(tuning, stride
     assert fixed.success and free.success
     assert free.cost <= fixed.cost + 1e-9
     assert 66.0 < free.p[0] / MM < 151.0
+
+
+def test_a_consistent_stride_is_what_it_was_made_of_and_both_feet_s_forces_are_known(stride):
+    """The other way: its motion and forces are the solution's, on its own grid and, between strikes, on a finer one."""
+    solution = tracked(dataclasses.replace(stride, grid=dataclasses.replace(stride.grid, intervals=20)))
+    coarse = dataclasses.replace(stride, grid=solution.problem.grid, consistent=solution)
+    y = coarse.function.evaluate(solution.z, solution.p)
+    assert coarse.value("deviation", y) == pytest.approx(0.0, abs=1e-9)
+    reference, fine = coarse.reference, dataclasses.replace(stride, consistent=solution).reference
+    np.testing.assert_allclose(fine.q[::2], reference.q, atol=1e-9)
+    for foot in reference.force:
+        assert reference.known[foot].all() and fine.known[foot].all()
+        np.testing.assert_allclose(fine.force[foot][::2], reference.force[foot], atol=1e-6)
+        loaded = reference.force[foot][:, 1] > 50.0
+        np.testing.assert_allclose(reference.moment[foot][loaded], 0.0, atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stem", ["low_1", "high_1"])
+def test_a_consistent_stride_that_is_tracked_finds_its_own_fulcrum(stem):
+    """Its cost is least there but for the moments that make the tracking unique: 1 mm. Both settings are ends of the
+    reach, and the search begins at the other."""
+    manifest = next(path for path in embedded_trials(tier="exact") if path.stem == stem)
+    trial = trial_with(load_trial(manifest), load_contact(embedded_contact("exact")))
+    stride = StrideTuning([trial], cost="tracking", options=StrideOptions(intervals=20)).stride
+    search = StrideSearch(stride, "tracking")
+    solution = tracked(stride)
+    search.stride = dataclasses.replace(stride, consistent=solution)
+    other = min(stride.reach_mm, key=lambda mm: -abs(mm - stride.own_m / MM))
+    found = search.free(search.at(other, solution.last, "fixed").last, "free")
+    assert found.success and abs(found.p[0] / MM - stride.own_m / MM) < 10.0
+
+
+def test_the_interval_holds_what_is_as_good_and_the_end_of_every_search_that_converged():
+    def ended(mm, cost, success=True):
+        return SimpleNamespace(last=Start(z=np.zeros(0), p=np.array([mm * MM])), last_cost=cost, success=success)
+
+    result = StrideSolution(tuning=None, tracked=ended(108.0, 1.0), search=None)
+    result.sweep = [Fixed(mm, ended(mm, cost)) for mm, cost in ((66.0, 1.2), (108.0, 1.005), (151.0, 1.3))]
+    assert as_good(result) is None, "no search with the fulcrum free converged"
+    result.free = [(66.0, ended(100.0, 1.0)), (151.0, ended(140.0, 1.2, success=False))]
+    assert as_good(result) == pytest.approx((100.0, 108.0))
+    result.drawn, result.held = [(ended(120.0, 1.0), None)], [Held(0.1, (), ended(90.0, 0.5))]
+    assert as_good(result) == pytest.approx((90.0, 120.0))
+
+
+def test_published_signs_of_the_foot_itself_turn_with_the_order_of_stiffness():
+    """Seven, of which those of dorsiflexion, push-off and energy are negative (Nichols 2023); what changes by less than
+    1 % has none."""
+    falls = {"dorsiflexion", "push_off_power", "stored_energy", "returned_energy"}
+    rows = [{name: 10.0 + (-step if name in falls else step) for name in MEASURES.values()} for step in (0.0, 1.0, 2.0)]
+    assert len(MEASURES) == 7 and all(published_signs(rows).values())
+    assert set(published_signs(rows[::-1]).values()) == {False}
+    assert set(published_signs([rows[0], rows[0], rows[0]]).values()) == {None}
 
 
 def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an_optimum(trial):

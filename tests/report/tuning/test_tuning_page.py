@@ -236,6 +236,15 @@ def test_setting_interval_and_savings_are_those_of_the_parabola():
     assert end.startswith("THE RANGE DECIDES, not the cost: at the optimum fulcrum is at an end of its range")
 
 
+def test_level_2_recommends_an_interval_or_says_first_that_the_model_does_not_decide():
+    assert answer(made_stride_table())[0] == "The recommendation is an interval, 98 to 111 mm."
+    assert "recommendation" not in " ".join(answer(made_stride_table(at_bound=("fulcrum",)))) + said()
+    wide = made_stride_table(undecided="70 to 140 mm, 82 % of the range, are as good as the model can tell.")
+    assert answer(wide)[0].startswith("THE MODEL DOES NOT DECIDE THIS SETTING: 70 to 140 mm, 82 % of the range")
+    page, _ = chapter_page(**tuning_page(plain(wide), made_stride_arrays(), lenient=False))
+    assert "Set no foot by this" in page
+
+
 def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     """The whole parabola is such a term but for 1e-3 (mm - 66) BW: without it the softest setting is the best."""
     sweep = tuple(SweepPoint(row.fulcrum_mm, row.cost, {

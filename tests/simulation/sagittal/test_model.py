@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from pydrake.multibody.tree import BodyIndex, MultibodyForces
 from pydrake.systems.framework import Context
 
-from vsf_drake.analysis.tuning.level2.stride import BALANCED, quasi_static_motion
+from vsf_drake.analysis.tuning.level2.balance import BALANCED, quasi_static_motion
 from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.laws import bushing, kelvin_voigt, stick_slip
 from vsf_drake.motion.manifest import GeometricOffsets
@@ -100,7 +100,7 @@ def plant_state(walker: Walker, model: SagittalModel, at: Instants, i: int) -> t
     return context, indices
 
 
-SHARP = Smoothing(depth_m=1e-6, rate_m_per_s=1e-6, friction_velocity_m_per_s=1e-6)
+SHARP = Smoothing(depth_m=1e-6, rate_m_per_s=1e-6, friction_velocity_m_per_s=1e-6, friction_rise=0.0)
 
 
 def spheres_of(walker, foot):
@@ -307,14 +307,17 @@ def test_support_gives_back_what_is_stored_in_it(person):
 FRICTION = {"mu_static": 0.5, "mu_kinetic": 0.3, "threshold_velocity": 0.1}
 
 
-def test_friction_is_the_law_up_to_four_fifths_of_the_threshold_and_rounded_above():
+def test_friction_is_the_law_up_to_four_fifths_of_the_threshold_and_rounded_above_where_it_goes_on_to_rise():
     slip = np.linspace(0.0, 0.1, 1001)
     spheres = SimpleNamespace(columns={name: np.array([value]) for name, value in FRICTION.items()})
-    error = stick_slip.friction_coefficient(slip, **FRICTION) - friction(
-        spheres, slip[None], Smoothing(friction_velocity_m_per_s=0.01))[0]
+    level = Smoothing(friction_velocity_m_per_s=0.01, friction_rise=0.0)
+    error = stick_slip.friction_coefficient(slip, **FRICTION) - friction(spheres, slip[None], level)[0]
     np.testing.assert_allclose(error[slip <= 0.08], 0.0, atol=1e-15)
     assert error.min() >= -1e-15
     assert error.max() == pytest.approx(3.0 / 16.0 * 0.2 * 0.5, rel=1e-12)
+    fast, rising = np.array([[-0.3, 0.2, 0.3]]), Smoothing(friction_velocity_m_per_s=0.01, friction_rise=0.1)
+    np.testing.assert_allclose(friction(spheres, fast, level), [[-0.5, 0.5, 0.5]])
+    np.testing.assert_allclose(friction(spheres, fast, rising), [[-0.6, 0.55, 0.6]])
 
 
 def test_socket_is_the_bushing_up_to_its_corners():
@@ -345,7 +348,7 @@ def test_smoothing_without_meaning_is_refused():
 
 STEP_S = 0.005
 OWN = np.array([0.108, 1.0, 0.0, 1.0])
-SHARPER = Smoothing(depth_m=1e-4, rate_m_per_s=0.002)
+SHARPER = Smoothing(depth_m=1e-4, rate_m_per_s=0.002, friction_rise=0.0)
 
 
 def backward_rates(count):

@@ -168,6 +168,7 @@ class TuningTable:
     robustness: tuple[ChangedOptimum, ...]
     trials: tuple[str, ...]
     recorded_mm: tuple[float, ...] = ()  # where the fulcrum stood in each
+    undecided: str = ""  # why no recommendation follows, "" where one does
     synthetic: bool
     notes: tuple[str, ...]
     wall_s: float | None

@@ -23,6 +23,7 @@ import numpy as np
 
 from vsf_drake.simulation.sagittal.model import (
     IMAGINARY_STEP,
+    SOCKET,
     SagittalModel,
     Smoothing,
     Spheres,
@@ -199,14 +200,14 @@ def _add_support(
 def _add_springs(
     model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_energy: np.ndarray, at: _Columns
 ) -> np.ndarray:
-    """(k, 52, N) derivatives of the springs' forces; adds those of their energy: complex steps in w, u, thickness."""
+    """(k, 52, N) derivatives of the springs' forces; adds those of the keel's energy: complex steps."""
     h, each = IMAGINARY_STEP, np.arange(len(w))
     steps = 1j * h * np.eye(3)[:, None, :, None]
     force, stored = spring_forces(
         model.springs, w[:, None] + steps[0], u[:, None] + steps[1], model.spring_scale(p[3] + steps[2, 0]))
     by = np.zeros((len(w), *by_energy.shape))
     by[each, at.w + each], by[each, at.u + each], by[:, at.thickness] = np.moveaxis(force.imag / h, 1, 0)
-    by_energy[at.w:at.u] += stored[:, 0].imag / h
+    by_energy[at.w + len(SOCKET):at.u] += stored[len(SOCKET):, 0].imag / h
     by_energy[at.thickness] += stored[:, 2].imag.sum(0) / h
     return by
 

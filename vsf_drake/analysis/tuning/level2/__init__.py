@@ -4,7 +4,9 @@
     solution.fulcrum_mm, stride_table(solution)
 """
 
-from vsf_drake.analysis.tuning.level2.solve import StrideSolution, StrideTuning, solve, stride_arrays, stride_table
+from vsf_drake.analysis.tuning.level2.saved import stride_arrays, stride_table
+from vsf_drake.analysis.tuning.level2.search import StrideSolution, StrideTuning
+from vsf_drake.analysis.tuning.level2.solve import solve
 from vsf_drake.analysis.tuning.level2.stride import StrideOptions
 
 __all__ = ["StrideOptions", "StrideSolution", "StrideTuning", "solve", "stride_arrays", "stride_table"]

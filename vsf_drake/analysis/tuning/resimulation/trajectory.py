@@ -12,7 +12,6 @@ from vsf_drake.analysis.tuning.level1.options import device_values
 from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.motion.manifest import GeometricOffsets
 from vsf_drake.motion.trajectory import CoordinateTrajectory
-from vsf_drake.simulation.sagittal.model import DESIGN
 from vsf_drake.simulation.walk import Walker
 
 PELVIS = ("pelvis_tilt", "pelvis_tx", "pelvis_ty")
@@ -131,10 +130,16 @@ def solved_trajectory(
 
     coordinates = tuple(layout.coordinates)
     q, v, a = (solution.z[:, getattr(layout, part)] for part in ("q", "v", "a"))
-    design = dict(zip(DESIGN, (float(x) for x in solution.p), strict=True))
+    design = dict(zip(problem.design.names, (float(x) for x in solution.p), strict=True))
+
+    # A stride that takes `pace` times as long as the unknowns' and goes as far at their speed (`level2.stride`).
+    pace, T = design.pop("stride_time", 1.0), grid.duration_s
+    more = (pace - 1.0) * problem.advance
+    q, v, a = q + np.outer(grid.times_s / T, more), (v + more / T) / pace, a / pace**2
+    advance = pace * problem.advance
     return SagittalTrajectory(
-        time_s=closed(grid.times_s, grid.duration_s), names=coordinates, q=closed(q, problem.advance), v=closed(v),
-        a=closed(a), torque=columns(*(f"torque_{name}" for name in coordinates[len(PELVIS):])),
-        advance=problem.advance, fulcrum_m=design.pop("fulcrum_m"),
+        time_s=pace * closed(grid.times_s, T), names=coordinates, q=closed(q, advance), v=closed(v), a=closed(a),
+        torque=columns(*(f"torque_{name}" for name in coordinates[len(PELVIS):])),
+        advance=advance, fulcrum_m=design.pop("fulcrum_m"),
         grf={foot: columns(f"{foot}_fx", f"{foot}_fz") for foot in FEET},
         values=design_values(walker, **design), offsets=offsets or GeometricOffsets())

@@ -1,0 +1,100 @@
+"""What a solved stride means to a person, and which published signs of stiffness a pair of strides has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from vsf_drake.analysis.published import direction, published_effects
+from vsf_drake.analysis.tuning.level2.stride import Stride
+from vsf_drake.collocation.solution import TrajectorySolution
+from vsf_drake.simulation.sagittal.model import SOCKET
+
+KINDS = {
+    "push_off_work": ("push-off work on the residual limb", "J/kg"),
+    "push_off_power": ("largest power on the residual limb", "W/kg"),
+    "stored_energy": ("largest energy in keel and support", "J"),
+    "returned_energy": ("what of that keel and support give back before the next strike", "J"),
+    "dorsiflexion": ("largest turn of the keel's end, toe up", "deg"),
+    "ankle_moment": ("largest moment at the pylon's end that turns the toe up", "N m/kg"),
+    "prosthetic_first_peak": ("prosthetic first peak of the vertical force", "BW"),
+    "prosthetic_second_peak": ("prosthetic second peak of the vertical force", "BW"),
+    "intact_first_peak": ("intact first peak of the vertical force", "BW"),
+    "intact_knee_moment": ("peak intact knee moment, either sign", "N m/kg"),
+    "prosthetic_hip_moment": ("peak prosthetic hip moment, either sign", "N m/kg"),
+    "prosthetic_knee_moment": ("peak prosthetic knee moment, either sign", "N m/kg"),
+    "knee_flexor_moment": ("largest prosthetic knee flexor moment late in stance", "N m/kg"),
+    "knee_extension": ("least prosthetic knee flexion late in stance, negative", "deg"),
+    "socket_moment": ("peak moment on the residual limb", "N m/kg"),
+    "metabolic": ("joint-work estimate of metabolic energy, over the recorded stride's length", "J/kg"),
+    "joint_load": ("squared joint and socket load", "1"),
+    "stride_time": ("time of a stride", "s"),
+    "stride_length": ("length of a stride", "m"),
+    "motion_change": ("root mean square change of the joint angles", "deg"),
+    "force_change": ("root mean square change of the ground reaction force, worse foot", "BW")}
+"""Labels and units."""
+SIGNS_OF = "Nichols 2023"
+"""The source, in the table of published effects, whose signs were measured on the variable-stiffness foot itself."""
+MEASURES = {"dorsiflexion": "dorsiflexion", "plantarflexor moment": "ankle_moment", "knee extension": "knee_extension",
+            "knee flexor moment": "knee_flexor_moment", "push-off power": "push_off_power",
+            "energy stored": "stored_energy", "energy returned": "returned_energy"}
+"""Its measures, and the outcome that stands for each."""
+
+
+def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
+    """KINDS of a solved stride; the changes are from the stride's reference."""
+    y, index, reference, model = solution.last_y(), stride.function.index, stride.reference, stride.model
+    mass, weight, last = model.subject.mass_kg, model.weight, solution.last
+
+    def column(name: str) -> np.ndarray:
+        return np.asarray(y[:, index(name)[0]])
+
+    def largest(name: str) -> float:
+        return float(np.abs(column(name)).max() / mass)
+
+    def peak(foot: str, late: bool) -> float:
+        rows = np.flatnonzero(reference.stance[foot])
+        # A stance that goes over the end of the period begins late in it.
+        gap = np.flatnonzero(np.diff(rows) > 1)
+        rows = rows if not len(gap) else np.concatenate([rows[gap[0] + 1:], rows[:gap[0] + 1]])
+        half = rows[len(rows) // 2:] if late else rows[: len(rows) // 2]
+        return float(column(f"{foot}_fz")[half].max() / weight) if len(half) else float("nan")
+
+    # About the pylon's end, the origin of the link that the alignment turns: -M_y turns the toe up.
+    layout, n, k = stride.function.layout, len(model.coordinates), len(model.quasi_static)
+    motion = model.motion(*stride.function.parts(last.z, last.p)[:-1])
+    pylon = model.dynamics.link[n + k + 1]
+    moment = column("prosthetic_my") - (motion.z[pylon] * column("prosthetic_fx")
+                                        - motion.x[pylon] * column("prosthetic_fz"))
+    turn = last.z[:, layout.w][:, len(SOCKET):] @ model.support.signs
+    energy = column("stored_energy")
+
+    _, _, _, hip_p, knee_p, _, knee_i, _ = layout.coordinates
+    late = reference.late & reference.stance["prosthetic"]
+    change = np.degrees(y[:, stride.function.starting_with("q_")][:, 3:] - reference.q[:, 3:])
+    force = [np.sum((y[:, index(f"{foot}_fx", f"{foot}_fz")] - known) ** 2, axis=1)[reference.known[foot]].mean()
+             for foot, known in reference.force.items() if reference.known[foot].any()]
+    pace = float(last.p[-1])
+    return {
+        "push_off_work": -pace * stride.value("push_off", y), "stored_energy": float(energy.max()),
+        "returned_energy": float(energy.max() - energy[int(energy.argmax()):].min()),
+        "push_off_power": float(column("prosthesis_power")[late].max() / mass),
+        "dorsiflexion": float(np.degrees(turn.max())), "ankle_moment": float(-moment.min() / mass),
+        "prosthetic_first_peak": peak("prosthetic", False), "prosthetic_second_peak": peak("prosthetic", True),
+        "intact_first_peak": peak("intact", False), "intact_knee_moment": largest(f"torque_{knee_i}"),
+        "prosthetic_hip_moment": largest(f"torque_{hip_p}"), "prosthetic_knee_moment": largest(f"torque_{knee_p}"),
+        "knee_flexor_moment": float(column(f"torque_{knee_p}")[late].max() / mass),
+        "knee_extension": float(-np.degrees(column(f"q_{knee_p}")[late].min())),
+        "socket_moment": largest("force_socket_flexion"), "metabolic": stride.value("metabolic", y),
+        "joint_load": stride.value("joint_load", y), "stride_time": pace * stride.grid.duration_s,
+        "stride_length": pace * stride.recorded.advance_m, "motion_change": float(np.sqrt(np.mean(change**2))),
+        "force_change": float(np.sqrt(max(force)) / weight) if force else float("nan")}
+
+
+def published_signs(strides: Sequence[dict[str, float]]) -> dict[str, bool | None]:
+    """By measure of SIGNS_OF, whether outcomes from the softest to the stiffest setting have the published sign; None
+    where they have none."""
+    found = {effect.measure: (effect.effect, direction([[row[MEASURES[effect.measure]]] for row in strides]))
+             for effect in published_effects() if effect.source == SIGNS_OF}
+    return {measure: None if not own else own == sign for measure, (sign, own) in found.items()}

@@ -1,0 +1,86 @@
+"""What a stride is held against: what was recorded or, once that is tracked, the possible motion nearest to it.
+
+No recording is a possible motion of the sagittal model: what the plates measured is not what its masses need, by some
+percent of body weight. Held to that, a free fulcrum is moved to make up for it. Held to the tracked stride, whose
+motion, forces of both feet and fulcrum belong together, it has nothing to make up for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
+from vsf_drake.collocation.problem import Grid
+from vsf_drake.collocation.solution import TrajectorySolution, resampled
+
+SWING_MIDDLE = (0.3, 0.7)  # share of a swing in which the foot must clear the ground
+FEET = ("prosthetic", "intact")
+LOADED_N = 1.0  # below, a centre of pressure says nothing (a choice)
+
+
+@dataclass(frozen=True, eq=False)
+class StrideReference:
+    """N instants of a recorded stride or of a consistent one, sagittal; SI."""
+
+    q: np.ndarray  # (N, 8), and its derivatives
+    v: np.ndarray
+    a: np.ndarray
+    force: dict[str, np.ndarray]  # by foot (N, 2) fx, fz in N, 0 where not known
+    cop_x: dict[str, np.ndarray]  # by foot (N,) m, where the moment counts: the centre of pressure, if there is load
+    moment: dict[str, np.ndarray]  # by foot (N,) N m of the ground about +y there
+    known: dict[str, np.ndarray]  # by foot (N,) whether the force was measured
+    stance: dict[str, np.ndarray]  # by foot (N,)
+    clear: dict[str, np.ndarray]  # by foot (N,) middle of swing
+    late: np.ndarray  # (N,) late prosthetic stance
+
+
+def stride_reference(recorded: RecordedStride, times: np.ndarray, late_share: float) -> StrideReference:
+    """The recorded stride at instants (N,) s."""
+    period, never = recorded.period_s, np.zeros(len(times), dtype=bool)
+    names = ("force", "cop_x", "moment", "known", "stance", "clear")
+    by_foot: dict[str, dict[str, np.ndarray]] = {name: {} for name in names}
+    for foot, span in zip(FEET, (recorded.prosthetic_stance, recorded.intact_stance), strict=True):
+        force, cop = recorded.measured(foot, times)
+        by_foot["force"][foot], by_foot["cop_x"][foot] = np.nan_to_num(force[:, :2]), np.nan_to_num(cop)
+        by_foot["moment"][foot] = np.zeros(len(times))
+        by_foot["known"][foot] = np.isfinite(force[:, :2]).all(axis=1)
+        by_foot["stance"][foot] = by_foot["clear"][foot] = never
+        if span is not None:
+            by_foot["stance"][foot] = ~np.isnan(_share(times, *span, period))
+            swing = _share(times, span[1], span[0] + period, period)
+            by_foot["clear"][foot] = (swing >= SWING_MIDDLE[0]) & (swing <= SWING_MIDDLE[1])
+    q, v, a = recorded.sample(times)
+    return StrideReference(q=q, v=v, a=a, **by_foot,
+                           late=_share(times, *recorded.prosthetic_stance, period) >= late_share)
+
+
+def _share(times_s: np.ndarray, start: float, end: float, period_s: float) -> np.ndarray:
+    """(N,) share of the way from start to end at times modulo the period, NaN outside of it."""
+    share = np.mod(times_s - start, period_s) / (end - start)
+    return np.where(share <= 1.0, share, np.nan)
+
+
+def consistent_reference(recorded: StrideReference, solution: TrajectorySolution, grid: Grid, outputs: tuple[str, ...]
+                         ) -> StrideReference:
+    """The stride of a solution whose function's first outputs have these names, both feet's forces known, at the
+    instants of a grid of the same duration; by splines where these are not the solution's own."""
+    y, old = solution.last_y(), solution.problem.grid
+    layout, z = solution.problem.layout, resampled(solution, grid).z
+    times = np.append(old.times_s, old.duration_s)
+
+    def at(name: str) -> np.ndarray:
+        values = y[:, outputs.index(name)]
+        return np.asarray(CubicSpline(times, np.append(values, values[0]), bc_type="periodic")(grid.times_s))
+
+    force, cop, moment = {}, {}, {}
+    for foot, recorded_x in recorded.cop_x.items():
+        fx, fz, my = (at(f"{foot}_{part}") for part in ("fx", "fz", "my"))
+        cop[foot] = np.where(fz > LOADED_N, -my / np.maximum(fz, LOADED_N), recorded_x)
+        force[foot], moment[foot] = np.column_stack([fx, fz]), my + cop[foot] * fz
+    return dataclasses.replace(
+        recorded, q=z[:, layout.q], v=z[:, layout.v], a=z[:, layout.a], force=force, cop_x=cop, moment=moment,
+        known={foot: np.ones(grid.instants, dtype=bool) for foot in force})

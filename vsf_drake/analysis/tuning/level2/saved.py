@@ -1,0 +1,114 @@
+"""What a tuning of level 2 leaves on disk."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.tuning import table as t
+from vsf_drake.analysis.tuning.common import SETTINGS, WEIGHTED
+from vsf_drake.analysis.tuning.level2.outcomes import KINDS, outcomes
+from vsf_drake.analysis.tuning.level2.search import StrideSolution, position_mm
+from vsf_drake.analysis.tuning.level2.stride import LABELS, MM, OWN
+from vsf_drake.schema import to_plain
+from vsf_drake.sentences import say
+from vsf_drake.simulation.archive import provenance
+from vsf_drake.simulation.sagittal.model import DESIGN
+
+UNITS = ("m", "1", "rad", "1")
+SURE = 2.0  # standard deviations over the drawn contacts by which an outcome's range must exceed to matter (a choice)
+LITTLE = 0.01  # share of the cost below which what a setting gains is called little (a choice)
+DECIDED = 0.5  # share of the range that an interval may take and still be a recommendation (a choice)
+
+
+def stride_table(result: StrideSolution) -> t.TuningTable:
+    """The content of `tuning.json`."""
+    tuning, best, stride = result.tuning, result.shown, result.search.stride
+    names = tuning.options.weights if tuning.cost == WEIGHTED else (tuning.cost,)
+    (low, high), p = stride.reach_mm, best.last.p
+    design = [t.DesignValue("fulcrum", "mm", position_mm(best), low=low, high=high, default=stride.own_m / MM)]
+    design += [t.DesignValue(name, UNITS[i], float(p[i]), low=float(best.problem.p_low[i]),
+                           high=float(best.problem.p_high[i]), default=float(OWN[i]))
+               for i, name in enumerate(DESIGN) if name in tuning.options.design]
+    if best.problem.p_low[-1] < best.problem.p_high[-1]:
+        time_s = stride.grid.duration_s
+        low_s, high_s, found_s = (float(time_s * x[-1]) for x in (best.problem.p_low, best.problem.p_high, p))
+        design.append(t.DesignValue("stride time", "s", found_s, low=low_s, high=high_s, default=time_s))
+    near = as_good(result)
+    width = (near[1] - near[0]) / (high - low) if near else 0.0
+    lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
+    different = [row for row in result.sweep
+                 if len({f"{cost:.4g}" for cost in row.tried.values() if np.isfinite(cost)}) > 1]
+    return t.as_saved(t.TuningTable(
+        format=t.FORMAT, level=2, cost_name=tuning.cost, cost_label=" and ".join(LABELS[name] for name in names),
+        cost_unit="1", optimal=result.success, status=result.message, fulcrum_mm=position_mm(best),
+        cost=best.last_cost, at_bound=best.at_bound if result.success else (), fulcrum_interval_mm=near,
+        interval_meaning=say("stride", "interval", little=LITTLE, result=result, failed=sum(
+            not solution.success for solution in result.asked_again))[0] if near else "",
+        undecided=say("stride", "undecided", near=near, share=width)[0] if width > DECIDED else "",
+        design=tuple(design),
+        terms=tuple(t.Term(name, LABELS[name], value) for name, value in best.terms.items()),
+        sweep=tuple(t.SweepPoint(row.fulcrum_mm, None) if row.solution is None else t.SweepPoint(
+            row.fulcrum_mm, row.solution.last_cost, row.solution.terms, outcomes(row.solution, stride))
+            for row in result.sweep),
+        outcomes=tuple(_outcomes(result)),
+        solver=t.SolverEnd(name="Gauss-Newton SQP", message=best.message, iterations=best.iterations,
+                         evaluations=best.evaluations, optimality=best.optimality),
+        confirmed_by=tuple(result.confirmed),
+        starts=tuple(t.SearchEnd(mm, position_mm(s), s.last_cost, s.success) for mm, s in result.free),
+        checks=tuple(result.checks), tasks=(), pareto=(), pareto_names=(),
+        robustness=tuple(
+            t.ChangedOptimum(what, position_mm(s) if s.success else None, s.last_cost if s.success else None)
+            for what, s in (*((f"drawn contact {i + 1}", s) for i, (s, _) in enumerate(result.drawn)),
+                            *((f"weight {held.weight:g} of the hold", held.free) for held in result.held))),
+        trials=(tuning.label,), recorded_mm=(stride.own_m / MM,), synthetic=tuning.trial.synthetic,
+        notes=(*say("stride", "limits"), *stride.recorded.notes,
+               *say("stride", "sweep", lost=lost, different=len(different), count=len(result.sweep))),
+        wall_s=result.wall_s,
+        provenance=t.Provenance(options=to_plain(tuning.options), **provenance(tuning.trial.inputs))))
+
+
+def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
+    """The content of `tuning.npz`: motion, torque (N m) and force (N) over the phase, recorded and re-simulated."""
+    stride, best, y = result.search.stride, result.shown.last, result.shown.last_y()
+    function, grid, recorded = stride.function, stride.grid, result.tuning.stride.reference
+    torque = function.starting_with("torque_")
+    arrays = {"phase": grid.times_s / grid.duration_s, "names": np.array(function.layout.coordinates),
+              "q": best.z[:, function.layout.q], "q_recorded": recorded.q, "torque": y[:, torque],
+              "torque_recorded": result.tracked.last_y()[:, torque], "tracked_z": result.tracked.last.z,
+              "tracked_p": result.tracked.last.p, "best_z": best.z, "best_p": best.p}
+    for foot, force in recorded.force.items():
+        arrays[f"grf_{foot}"] = y[:, function.index(f"{foot}_fx", f"{foot}_fz")]
+        if recorded.known[foot].all():
+            arrays[f"grf_{foot}_recorded"] = force
+    return arrays | {name: value[:grid.instants] for name, value in result.simulated.items()}
+
+
+def _outcomes(result: StrideSolution) -> list[t.Outcome]:
+    """At four settings; `uncertainty`: standard deviation over the drawn contacts, None of fewer than two."""
+    stride = result.search.stride
+    over = [outcomes(solution, stride) for _, solution in result.solved]
+    if not over:
+        return []
+    settings = (over[0], outcomes(result.shown, stride), over[-1], outcomes(result.tracked, stride))
+    drawn = [outcomes(solution, other) for solution, other in result.drawn if solution.success]
+    rows = []
+    for name, (label, unit) in KINDS.items():
+        at: dict[str, Any] = {setting: values[name] for setting, values in zip(SETTINGS, settings, strict=True)}
+        error = float(np.std([values[name] for values in drawn], ddof=1)) if len(drawn) > 1 else None
+        range_over = max(values[name] for values in over) - min(values[name] for values in over)
+        rows.append(t.Outcome(name=name, label=label, unit=unit, **at, uncertainty=error,
+                            matters=None if error is None else bool(range_over > SURE * error)))
+    return rows
+
+
+def as_good(result: StrideSolution) -> tuple[float, float] | None:
+    """Between which positions the optimum may be: fixed ones whose cost is as good as the least, and the ends of all
+    searches with the fulcrum free, from every start, with every drawn contact and every weight of the deviation."""
+    if not result.solved or result.best is None:
+        return None
+    most = result.best.last_cost + LITTLE * abs(result.best.last_cost)
+    near = [mm for mm, solution in result.solved if solution.last_cost <= most]
+    near += [position_mm(solution) for solution in result.asked_again if solution.success]
+    return min(near), max(near)

@@ -1,0 +1,215 @@
+"""What level 2 searches: the tuning, one search of it, and everything that its searches found."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vsf_drake.analysis.tuning import table as t
+from vsf_drake.analysis.tuning.common import Progress, TuningCheck, check_cost
+from vsf_drake.analysis.tuning.level2.stride import MM, PACE, Stride, StrideOptions
+from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
+from vsf_drake.collocation import sqp
+from vsf_drake.collocation.problem import Grid
+from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution
+from vsf_drake.errors import FitError, InputError
+from vsf_drake.motion.trial import Trial
+from vsf_drake.simulation.sagittal.model import SagittalModel
+from vsf_drake.simulation.walk import Walker
+
+PASSES = ("cold", "upward", "downward")
+
+
+class StrideTuning:
+    """The fulcrum's position, and design variables, that with the best motion for them minimise a cost.
+
+    InputError: there is not exactly one trial, its fitted contact applied; the recording holds no whole stride, or no
+    plate of the prosthetic foot; the prosthesis is turned out of the sagittal plane; the range is out of reach.
+    """
+
+    def __init__(
+        self, trials: Sequence[Trial], *, cost: str, options: StrideOptions | None = None,
+        labels: Sequence[str] | None = None
+    ) -> None:
+        if len(trials) != 1:
+            raise InputError(f"{len(trials)} trials are given", where="trials",
+                             right="A free motion is solved for one recorded stride at a time: give one")
+        self.trial, self.cost, self.options = trials[0], check_cost(cost), options or StrideOptions()
+        self.label = labels[0] if labels else self.trial.name
+        self.walker = Walker(self.trial.subject, self.trial.model)
+        recorded, body = recorded_stride(self.trial, self.walker), self.walker.gait.person.body
+        self.stride = Stride(
+            model=SagittalModel(self.walker, offsets=self.trial.offsets), recorded=recorded,
+            own_m=self.trial.fulcrum_m, leg_m=body.thigh_length + body.shank_length, options=self.options,
+            grid=Grid(method=self.options.method, intervals=self.options.intervals, duration_s=recorded.period_s,
+                      periodic=True), smoothing=self.options.stages[-1])
+        low, high = self.stride.reach_mm
+        fulcrum = self.trial.model.foot.fulcrum
+        if not fulcrum.rearmost_m / MM - 1e-6 <= low < high <= fulcrum.foremost_m / MM + 1e-6:
+            raise InputError(f"{low:g} to {high:g} mm is out of the carriage's reach", where="bounds_mm",
+                             right=f"It must lie within {fulcrum.rearmost_m / MM:g} to {fulcrum.foremost_m / MM:g} mm")
+
+
+def position_mm(solution: TrajectorySolution) -> float:
+    """Where the fulcrum ended, optimum or not."""
+    return float(solution.last.p[0]) / MM
+
+
+@dataclass(eq=False)
+class Fixed:
+    """A fixed position's best stride."""
+
+    fulcrum_mm: float
+    solution: TrajectorySolution | None = None  # the best of its searches, None if none converged
+    tried: dict[str, float] = field(default_factory=dict)  # how each search began and ended: cost, or NaN
+
+
+@dataclass(eq=False)
+class StrideSearch:
+    """Searches for one stride with the least of a cost."""
+
+    stride: Stride
+    cost: str
+    sizes: Mapping[str, float] = field(default_factory=dict)  # of the costs in the tracked stride
+    progress: Progress | None = None
+
+    def at(self, fulcrum_mm: float, start: Start, what: str, fraction: float = 0.0) -> TrajectorySolution:
+        return self._solve((fulcrum_mm, fulcrum_mm), (), start, what, fraction)
+
+    def free(self, start: Start, what: str, fraction: float = 0.0) -> TrajectorySolution:
+        return self._solve(self.stride.reach_mm, self.stride.options.design, start, what, fraction)
+
+    def changed(self, **changes: Any) -> StrideSearch:
+        """The search of a stride with something else."""
+        return dataclasses.replace(self, stride=dataclasses.replace(self.stride, **changes))
+
+    def _solve(self, fulcrum_mm: tuple[float, float], design: tuple[str, ...], start: Start, what: str,
+               fraction: float) -> TrajectorySolution:
+        stride, options = self.stride, self.stride.options
+        free = (*design, PACE) if options.free_time and self.cost != "tracking" else design
+
+        def report(iteration: Iteration) -> None:
+            if self.progress:
+                self.progress(f"{what}, iteration {iteration.number}, cost {iteration.cost:.5g}", fraction)
+
+        return sqp.solve(stride.problem(stride.minimised(self.cost, self.sizes), fulcrum_mm, free), start,
+                         sqp.CollocationOptions(iterations=options.iterations, time_limit_s=options.time_limit_s),
+                         report)
+
+
+def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None = None) -> TrajectorySolution:
+    """The recorded stride as a possible motion, through the stages of smoothing, or in the last alone from `warm`
+    on."""
+    own, stages = stride.own_m / MM, stride.options.stages if warm is None else stride.options.stages[-1:]
+    solution: TrajectorySolution | None = None
+    for i, smoothing in enumerate(stages):
+        search = StrideSearch(dataclasses.replace(stride, smoothing=smoothing), "tracking", progress=progress)
+        start = solution.last if solution else warm or search.stride.start(own)
+        solution = search.at(own, start, f"tracking, smoothing {i + 1} of {len(stages)}", i / len(stages))
+        if solution.status == "interrupted":
+            break
+    assert solution is not None
+    return solution
+
+
+def swept(search: StrideSearch, tracked_stride: Start, rows: list[Fixed], *, chains: bool) -> None:
+    """Fills `rows` from a cold start, and with `chains` from the neighbours on both sides."""
+    rows[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
+    passes = PASSES if chains else PASSES[:1]
+    for number, kind in enumerate(passes):
+        before: TrajectorySolution | None = None
+        for done, row in enumerate(reversed(rows) if kind == "downward" else rows):
+            start = tracked_stride if kind == "cold" else None if before is None else before.last
+            if start is not None:
+                fraction = (number * len(rows) + done) / (len(passes) * len(rows))
+                solution = unless_interrupted(
+                    search.at(row.fulcrum_mm, start, f"{row.fulcrum_mm:.0f} mm, {kind} start", fraction))
+                row.tried[kind] = solution.last_cost if solution.success else float("nan")
+                if solution.success and (row.solution is None or solution.last_cost < row.solution.last_cost):
+                    row.solution = solution
+            before = row.solution
+
+
+def unless_interrupted(solution: TrajectorySolution) -> TrajectorySolution:
+    """The solution, unless Ctrl-C ended it."""
+    if solution.status == "interrupted":
+        raise KeyboardInterrupt
+    return solution
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """The best strides with another weight of the deviation."""
+
+    weight: float
+    over: tuple[TrajectorySolution, ...]  # at the softest, a middle and the stiffest setting that the sweep solved
+    free: TrajectorySolution  # with the fulcrum free
+
+
+@dataclass(eq=False)
+class StrideSolution:
+    """Searches of one tuning. `fulcrum_mm`, `cost` and `stride` demand an optimum."""
+
+    tuning: StrideTuning
+    tracked: TrajectorySolution  # the recorded stride as a possible motion
+    search: StrideSearch
+    sweep: list[Fixed] = field(default_factory=list)  # the best stride at each fixed position
+    free: list[tuple[float, TrajectorySolution]] = field(default_factory=list)  # from where (mm), the fulcrum free
+    checks: list[TuningCheck] = field(default_factory=list)  # what the optimum was held against
+    confirmed: list[t.Confirmation] = field(default_factory=list)  # by other solvers
+    simulated: dict[str, np.ndarray] = field(default_factory=dict)
+    drawn: list[tuple[TrajectorySolution, Stride]] = field(default_factory=list)  # the optimum with drawn contacts
+    held: list[Held] = field(default_factory=list)  # with other weights of the deviation
+    message: str = ""  # how it ended
+    doing: str = "tracking the recording"  # what it was at last
+    wall_s: float = 0.0
+
+    @property
+    def best(self) -> TrajectorySolution | None:
+        """The best optimum with the fulcrum free; None if no search converged."""
+        good = [solution for _, solution in self.free if solution.success]
+        return min(good, key=lambda solution: solution.last_cost) if good else None
+
+    @property
+    def solved(self) -> list[tuple[float, TrajectorySolution]]:
+        return [(row.fulcrum_mm, row.solution) for row in self.sweep if row.solution is not None]
+
+    @property
+    def asked_again(self) -> list[TrajectorySolution]:
+        """Every search with the fulcrum free: from all starts, with drawn contacts, with other weights."""
+        return [*(s for _, s in self.free), *(s for s, _ in self.drawn), *(held.free for held in self.held)]
+
+    @property
+    def settings(self) -> tuple[tuple[float, TrajectorySolution], ...]:
+        """The softest, a middle and the stiffest position (mm) that the sweep solved, fewer if it solved no three."""
+        return tuple(self.solved[i] for i in sorted({0, len(self.solved) // 2, len(self.solved) - 1})
+                     ) if self.solved else ()
+
+    @property
+    def success(self) -> bool:
+        return self.best is not None and not self.message.startswith("interrupted")
+
+    @property
+    def stride(self) -> TrajectorySolution:
+        """FitError if there is none."""
+        if not self.success or self.best is None:
+            raise FitError(f"this tuning has no optimum: {self.message}")
+        return self.best
+
+    @property
+    def fulcrum_mm(self) -> float:
+        return position_mm(self.stride)
+
+    @property
+    def cost(self) -> float:
+        return self.stride.cost
+
+    @property
+    def shown(self) -> TrajectorySolution:
+        """The best there is, optimum or not."""
+        fixed = [solution for _, solution in self.solved]
+        return self.best or min(fixed, key=lambda s: s.last_cost, default=self.tracked)
