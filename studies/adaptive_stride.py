@@ -100,10 +100,11 @@ def signs(one: Recorded, cost: str, weight: float) -> dict[str, Any]:
     over = [search.at(mm, one.solution.last, "fixed") for mm in STARTS_MM]
     free = search.free(over[1].last, "free")
     rows = [outcomes(solution, search.stride) for solution in over]
-    own = published_signs(rows)
+    own = published_signs(rows) if all(solution.success for solution in over) else {}
     return {"recorded_mm": one.recording.own_m / MM, "cost": cost, "weight": weight,
             "status": [solution.status for solution in (*over, free)], "signs": own,
-            "count": sum(value is True for value in own.values()), "fulcrum_mm": position_mm(free),
+            "count": sum(value is True for value in own.values()) if own else None,
+            "fulcrum_mm": position_mm(free) if free.success else None,
             "outcomes": {name: [row[name] for row in rows] for name in SHOWN}}
 
 
