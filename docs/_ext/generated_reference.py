@@ -166,9 +166,12 @@ def _inside(kind: Any) -> tuple[type | None, str, str]:
 
 def _default(field: dataclasses.Field[Any]) -> str:
     if field.default is dataclasses.MISSING:
-        return "required" if field.default_factory is dataclasses.MISSING else "none"
+        made = None if field.default_factory is dataclasses.MISSING else field.default_factory()
+        return "required" if made is None else "the nominal one" if dataclasses.is_dataclass(made) else "none"
     value = field.default
-    if value is None or value == () or dataclasses.is_dataclass(value):
+    if dataclasses.is_dataclass(value):
+        return "the nominal one"
+    if value is None or value == ():
         return "none"
     if isinstance(value, tuple):
         return ", ".join(f"{one:g}" if isinstance(one, float | int) else "its own" for one in value)

@@ -56,6 +56,18 @@ def test_a_module_in_the_place_of_drake_is_found_out_without_a_traceback(tmp_pat
     assert str(tmp_path / "pydrake/__init__.py") in done.stdout and "PYTHONPATH" in done.stdout
 
 
+def test_a_command_without_drake_says_so_and_leads_to_doctor(tmp_path):
+    (tmp_path / "pydrake").mkdir()
+    (tmp_path / "pydrake/__init__.py").write_text("raise ImportError('no libdrake.so')")
+    found = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run([sys.executable, "-c", "from vsf_drake.cli import main; main()", "bench", "--out", "bench"],
+                          check=False, text=True, capture_output=True, cwd=tmp_path,
+                          env={**os.environ, "PYTHONPATH": found})
+    assert done.returncode == SimulationError.exit_code and "Traceback" not in done.stderr
+    assert "Drake cannot be imported" in done.stderr and "vsf-drake doctor" in " ".join(done.stderr.split())
+    assert not (tmp_path / "bench").exists()
+
+
 def test_a_drake_of_its_own_that_is_broken_is_to_be_installed_again(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "pydrake.solvers", None)
     assert exit_code("doctor") == SimulationError.exit_code

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import stat
@@ -10,7 +11,7 @@ import threading
 from typing import Any, Self
 
 from vsf_drake.cli.guide import GUIDES, guide_to
-from vsf_drake.errors import InputError, VsfError, interrupted_lately, note_interruption
+from vsf_drake.errors import InputError, SimulationError, VsfError, interrupted_lately, note_interruption
 
 RAISED_AGAIN_S = 0.05  # how long after a signal fell into a callback of compiled code it is raised once more (a choice)
 INTERRUPTED = "interrupted; results are written whole or not at all"
@@ -50,18 +51,29 @@ def _ended(signals: _Signals) -> int | str | None:
         if interrupted_lately():  # compiled code of others makes errors of its own of an interruption
             print(f"{INTERRUPTED} ({type(error).__name__}: {error})", file=sys.stderr)
             return 128 + signals.ended_by
+        from vsf_drake.cli.app import fail
+
+        if isinstance(error, ImportError | OSError) and not _drake_loads():
+            fail(f"Drake cannot be imported: {type(error).__name__}: {error}. vsf-drake doctor says what to do")
+            return SimulationError.exit_code
         if isinstance(error, OSError):  # of a file that nobody asked for: a full disk under a compiler's cache
             error = InputError(error.strerror or str(error), file=error.filename)
         if not isinstance(error, VsfError):
             raise
-        from vsf_drake.cli.app import fail
-
         fail(str(error))
         if isinstance(error, InputError) and (place := guide_to(error, sys.argv[1:])):
             page, _, section = place.partition("#")
             print(f"guide: docs/guide/{page}.md{section and f'#{section}'}", file=sys.stderr)
         return error.exit_code
     return 0
+
+
+def _drake_loads() -> bool:
+    try:
+        importlib.import_module("pydrake.solvers")
+    except Exception:  # of any kind, as in `doctor`
+        return False
+    return True
 
 
 class _Signals:

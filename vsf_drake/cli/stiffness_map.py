@@ -76,6 +76,7 @@ def stiffness_map(
         require(draws is None or draws == mapped.table.draws, f"{draws} is not that of the map in {out}", "--draws",
                 "Leave it out, or choose another folder")
     else:
+        say(f"no map in {out} yet: all of it is made first")
         _made(out, {}, load=load, model=model, contact=contact, draws=draws, seed=seed, workers=workers)
         mapped = read_map(out)
     answers = []
