@@ -150,7 +150,8 @@ def fit_page(table: FitTable, figures: Mapping[str, Figure]) -> str:
             (number(error, "{:.1f}", 100.0) for error in (row.grf_rmse_bw, row.cop_rmse_fl, row.cop_ml_rmse_fl))))
             for row in table.left_out],
         search_rows=[(str(i), _cost(s.start_cost), _cost(s.cost), str(s.evaluations), str(s.failed),
-                      "yes" if s.success else "NO", s.message) for i, s in enumerate(table.searches, start=1)],
+                      "yes" if s.success else "NO", str(s.met or ""), s.message)
+                     for i, s in enumerate(table.searches, start=1)],
         option_rows=[*((name, said(dict(sorted(value.items())) if isinstance(value, Mapping) else value))
                        for name, value in sorted(table.options.items())),
                      ("wall time (s)", number(table.wall_s, "{:.1f}"))]))

@@ -287,14 +287,24 @@ def test_a_search_hops_from_the_valley_where_it_ended_into_a_deeper_one_beside_i
     assert stays.success and stays.u[0] == pytest.approx(0.0, abs=0.02), "no hops where it is to stay near"
 
 
+def test_hops_have_evaluations_of_their_own_and_a_resumed_search_hops_too():
+    few = valleys()
+    few.joint = ContactFitOptions(iterations=12)
+    found = search(few, np.array([-0.1, 0.5]))
+    assert found.success and found.evaluations > 12 and found.cost == pytest.approx(0.5, rel=0.01)
+    resumed = search(valleys(), np.array([0.1, 0.5]), near=True, hops=True)
+    assert resumed.success and resumed.cost == pytest.approx(0.5, rel=0.01) and len(resumed.beside)
+
+
 def test_searches_that_meet_while_the_prior_decides_are_one():
     first = search(valleys(), np.array([-0.1, 0.5]))
     met = search(valleys(), np.array([1.7, -2.0]), others=[first])
-    assert met.success and met.cost == first.cost and met.message.startswith("it met search 1: ")
+    assert met.success and met.cost == first.cost and met.met == 1 and first.met == 0
     np.testing.assert_array_equal(met.u, first.u)
     assert met.start[0] == 1.7 and met.start_cost > first.start_cost and met.evaluations < 0.5 * first.evaluations
-    elsewhere = replace(first, smooth=first.smooth + 0.1)
-    assert search(valleys(), np.array([1.7, -2.0]), others=[elsewhere]).evaluations > first.evaluations - 10
+    for other in (replace(first, smooth=first.smooth + 0.1), replace(first, success=False, cost=50.0)):
+        alone = search(valleys(), np.array([1.7, -2.0]), others=[other])
+        assert alone.met == 0 and alone.cost == pytest.approx(0.5, rel=0.01), "elsewhere, or failed"
 
 
 def test_state_of_another_problem_or_a_damaged_one_is_refused(brief, few_free, ended, soft, stiff, measured_bench):

@@ -25,7 +25,7 @@ ROWS = {
     "trials": "file floor_grf_rmse_bw fulcrum_mm label metrics notes own_height_m role sweep synthetic",
     "parameters": """at_bound frozen high interval_95 interval_in_prior_sd logarithmic low name prior_mean prior_scale
         share_of_prior spread_over_starts start unit value value_in_prior_sd""",
-    "searches": "cost cut evaluations failed message start_cost success"}
+    "searches": "cost cut evaluations failed message met start_cost success"}
 
 
 @pytest.fixture(scope="module")

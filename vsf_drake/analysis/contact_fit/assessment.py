@@ -399,6 +399,7 @@ def _own_worth(end: JointEnd) -> dict[str, object]:
         "weak": sum(s < 1.0 for s in u.singular_values), "at_bound": u.at_bound,
         "unidentified": [name for name in u.unidentified if not name.startswith(("curve.", "trial."))],
         "pairs": [pair for pair in u.together if all(owner(name) is None for name in pair.names)],
-        "alike": sum(s.success for s in end.alike()), "alike_within": f"{ALIKE:g}", "searches": len(end.searches),
+        "alike": sum(s.success for s in end.alike()), "alike_within": f"{ALIKE:g}",
+        "searches": sum(not s.met for s in end.searches), "met": sum(s.met > 0 for s in end.searches),
         "cost": cost, "lost": sum(not s.success for s in end.searches),
         "better": [s.cost for s in end.searches if not s.success and s.cost < cost - ALIKE]}

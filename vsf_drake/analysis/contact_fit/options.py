@@ -59,7 +59,8 @@ class ContactFitOptions:
             hypercube samples of the prior.
         solver: "gauss_newton" (trust region, from much assumed noise to what is assumed), "snopt" or "ipopt" (Drake,
             exact gradients), "nlopt" (global: DIRECT and then a local search, Drake).
-        iterations: most evaluations of a search; for "nlopt" of its global part.
+        iterations: most evaluations of a search's way down, and of each way down beside its end; for "nlopt" of its
+            global part.
         time_limit_s: after which the search that runs is ended as it is, and no other begun; None for no limit.
         tolerance: a search has converged when a step betters the cost by less than this part of it.
         step_s: of the walks during the search. report_step_s: of those that are reported.

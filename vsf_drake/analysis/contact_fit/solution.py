@@ -96,8 +96,8 @@ class JointEnd:
     best: int  # the search that u is from
 
     def alike(self) -> list[FitSearch]:
-        """The searches that fit as well as the best one (see ALIKE)."""
-        return [s for s in self.searches if s.cost <= self.searches[self.best].cost + ALIKE]
+        """The searches that went to the end themselves and fit as well as the best one (see ALIKE)."""
+        return [s for s in self.searches if not s.met and s.cost <= self.searches[self.best].cost + ALIKE]
 
     def noise_ratios(self) -> tuple[NoiseRatio, ...]:
         """Of each series of residuals."""
@@ -312,7 +312,7 @@ def _widened(solution: ContactFitSolution, began: float) -> ContactFitSolution:
     for name in far:
         wider = wider.changed([name], scale=WIDER * wider.by_name[name].scale)
     again = fit.with_parameters(wider)
-    found = _finished(again, (search(again, wider.u(values), near=True),), began)
+    found = _finished(again, (search(again, wider.u(values), near=True, hops=True),), began)
     told = Contradiction(sd_away=far, factor=WIDER, cost=end.evaluation.cost,
                          cost_widened=found.end.evaluation.cost if found.success and isinstance(found.end, JointEnd)
                          else None)

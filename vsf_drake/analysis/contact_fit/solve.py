@@ -54,6 +54,7 @@ class FitSearch:
     evaluations: int  # points at which the walks were run
     failed: int  # so many of these ended in a SimulationError
     cut: bool = False  # by the time limit
+    met: int = 0  # number of the search that it met on the way and ended with, 0 if it went to the end itself
     smooth: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (P,) the end of the first stage, if it had one
     beside: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     """(k, 1 + P) other minima that it hopped into: cost and u of each."""
@@ -101,8 +102,8 @@ def run_searches(
                 progress(f"search {i + 1} of {starts}, best cost {best:.1f}", min(share, 1.0))
 
         if i < len(done):
-            again = search(fit, done[i].u, tell, near=True, until=until)
-            done[i] = replace(again, start=done[i].start, start_cost=done[i].start_cost,
+            again = search(fit, done[i].u, tell, near=True, hops=True, until=until)
+            done[i] = replace(again, start=done[i].start, start_cost=done[i].start_cost, smooth=done[i].smooth,
                               evaluations=done[i].evaluations + again.evaluations,
                               failed=done[i].failed + again.failed)
         else:
@@ -138,15 +139,15 @@ def _start(fit: ContactFit, i: int) -> np.ndarray:
 
 def search(
     fit: ContactFit, start: np.ndarray, progress: Callable[[int, float], None] | None = None, *, near: bool = False,
-    until: float = np.inf, others: Sequence[FitSearch] = ()
+    hops: bool = False, until: float = np.inf, others: Sequence[FitSearch] = ()
 ) -> FitSearch:
     """Searches from `start` (P,) on; a start at which the simulation fails is a search that failed, not an error.
 
     Args:
         progress: told the number of evaluations so far and the lowest cost.
-        near: the start is near a minimum: no stage goes before the last.
+        near: the start is near a minimum: no stage goes before the last, and only `hops` lets it hop from there.
         until: instant of `time.perf_counter` (s) at which the search is ended where it is.
-        others: searches of the same fit; one that is met in the first stage is where this one ends too.
+        others: searches of the same fit; one that converged and is met in the first stage is where this one ends too.
     """
     start, smooth = np.clip(start, *fit.parameters.bounds), np.zeros(0)
     beside = np.zeros((0, 1 + len(start)))
@@ -160,13 +161,15 @@ def search(
         start_cost = first.cost
         if fit.joint.solver != "gauss_newton":
             success, message = _drake(fit, tried, start)
-        elif near:
+        elif near and not hops:
             success, message = _descend(tried, start)
         else:
-            smooth, met = _smoothed(tried, start, others)
-            if met is not None:
-                return replace(others[met], start=start, start_cost=start_cost, evaluations=tried.count,
-                               failed=tried.failed, message=f"it met search {met + 1}: {others[met].message}")
+            tried.last = start
+            if not near:
+                smooth, met = _smoothed(tried, start, others)
+                if met is not None:
+                    return replace(others[met], start=start, start_cost=start_cost, evaluations=tried.count,
+                                   failed=tried.failed, met=met + 1)
             success, message, beside = _hopped(tried)
         left, again = _left_to_gain(tried), AGAIN
         while success and left > ENOUGH and again:
@@ -199,7 +202,8 @@ def _smoothed(tried: _Tried, start: np.ndarray, others: Sequence[FitSearch]) -> 
         if not smooth.size:
             smooth = tried.last
             for i, other in enumerate(others):
-                if other.smooth.size and np.abs(smooth - other.smooth).max() <= MET:
+                if other.success and not other.met and other.smooth.size and (
+                        np.abs(smooth - other.smooth).max() <= MET):
                     return smooth, i
     return smooth, None
 
@@ -210,7 +214,7 @@ def _hopped(tried: _Tried) -> tuple[bool, str, np.ndarray]:
     ends = list[np.ndarray]()
 
     def down(begin: np.ndarray, tolerance: float | None = None) -> tuple[bool, str]:
-        ended = _descend(tried, begin, tolerance=tolerance)
+        ended = _descend(tried, begin, tolerance=tolerance, most=tried.count + tried.fit.joint.iterations)
         if ended[0] and (there := tried.at(tried.last)) is not None:
             ends.append(np.array([there.cost, *tried.last]))
         return ended
