@@ -1,6 +1,6 @@
 """The model held against published effects of stiffness: under one load, and in walks of their own motion.
 
-Level 1 of a tuning keeps the motion, so it has no say here; level 2, whose motion adapts, has none yet.
+Level 1 of a tuning keeps the motion, so it has no say here; level 2, whose motion adapts, is not asked here.
 """
 
 from __future__ import annotations

@@ -37,6 +37,7 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
         design.append(t.DesignValue("stride time", "s", found_s, low=low_s, high=high_s, default=time_s))
     near = as_good(result)
     width = (near[1] - near[0]) / (high - low) if near else 0.0
+    failed = sum(not solution.success for solution in result.asked_again)
     lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
     different = [row for row in result.sweep
                  if len({f"{cost:.4g}" for cost in row.tried.values() if np.isfinite(cost)}) > 1]
@@ -44,9 +45,9 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
         format=t.FORMAT, level=2, cost_name=tuning.cost, cost_label=" and ".join(LABELS[name] for name in names),
         cost_unit="1", optimal=result.success, status=result.message, fulcrum_mm=position_mm(best),
         cost=best.last_cost, at_bound=best.at_bound if result.success else (), fulcrum_interval_mm=near,
-        interval_meaning=say("stride", "interval", little=LITTLE, result=result, failed=sum(
-            not solution.success for solution in result.asked_again))[0] if near else "",
-        undecided=say("stride", "undecided", near=near, share=width)[0] if width > DECIDED else "",
+        interval_meaning=say("stride", "interval", little=LITTLE, result=result, failed=failed)[0] if near else "",
+        undecided=say("stride", "undecided", near=near, share=width, failed=failed, count=len(result.asked_again))[0]
+        if width > DECIDED or (near and failed) else "",
         design=tuple(design),
         terms=tuple(t.Term(name, LABELS[name], value) for name, value in best.terms.items()),
         sweep=tuple(t.SweepPoint(row.fulcrum_mm, None) if row.solution is None else t.SweepPoint(

@@ -24,7 +24,7 @@ from vsf_drake.analysis.tuning.level2.search import (
     tracked,
     unless_interrupted,
 )
-from vsf_drake.analysis.tuning.level2.stride import MM, Stride
+from vsf_drake.analysis.tuning.level2.stride import FREE, MM, Stride
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, resimulate_with_feedback
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.collocation.program import confirm
@@ -49,6 +49,10 @@ def solve(
         if not {"tracked_z", "tracked_p"} <= warm_start.keys():
             raise InputError("holds no stride", where="warm_start", right="Give the result of a tuning at level 2")
         warm = Start(z=np.array(warm_start["tracked_z"]), p=np.array(warm_start["tracked_p"]))
+        shapes = (tuning.stride.grid.instants, tuning.stride.function.layout.size), (len(FREE),)
+        if (warm.z.shape, warm.p.shape) != shapes:
+            raise InputError("is of another number of intervals, or of an earlier version", where="warm_start",
+                             right="Leave it out, or give the same options")
     result = StrideSolution(tuning=tuning, tracked=tracked(tuning.stride, progress, warm),
                            search=StrideSearch(tuning.stride, tuning.cost, progress=progress))
     try:
@@ -98,15 +102,23 @@ def _spread(good: list[tuple[float, TrajectorySolution]], count: int) -> list[tu
 
 
 def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
-    """The best stride with each drawn contact that the data would have allowed as well, see `level1.uncertainty`."""
+    """The best stride with each drawn contact that the data would have allowed as well, see `level1.uncertainty`; each
+    held to the consistent stride that it makes of the recording."""
     tuning = result.tuning
     drawn = contact_draws(tuning.walker, tuning.trial.subject.prosthetic_side, tuning.options.draws,
                           tuning.options.seed)
     rows = []
     for i, values in enumerate(drawn):
-        other = result.search.changed(
-            model=SagittalModel(tuning.walker, offsets=tuning.trial.offsets, values=values))
-        solution = other.free(best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn))
+        drawn_stride = dataclasses.replace(
+            tuning.stride, model=SagittalModel(tuning.walker, offsets=tuning.trial.offsets, values=values))
+        own = unless_interrupted(tracked(drawn_stride, warm=result.tracked.last))
+        other = StrideSearch(drawn_stride, tuning.cost, progress=result.search.progress)
+        if own.success:
+            other.sizes = {name: drawn_stride.value(name, own.y()) for name in COSTS}
+            other.stride = dataclasses.replace(drawn_stride, consistent=own)
+            solution = other.free(best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn))
+        else:
+            solution = own
         rows.append((unless_interrupted(solution), other.stride))
     result.drawn = rows
 
@@ -175,7 +187,8 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
     if not tuning.options.confirm:
         return
     for mm, end in (result.solved[0], result.solved[-1]):
-        found = dataclasses.replace(search, cost="tracking").free(end.last, f"tracked from {mm:.0f} mm", 0.55)
+        found = unless_interrupted(
+            dataclasses.replace(search, cost="tracking").free(end.last, f"tracked from {mm:.0f} mm", 0.55))
         off = position_mm(found) - stride.own_m / MM if found.success else None
         add(f"found_from_{mm:.0f}", f"consistent stride, tracked from {mm:.0f} mm", off, "mm", f"<= {FOUND_MM:g}",
             off is not None and abs(off) <= FOUND_MM, part="found", mm=mm, off=off, message=found.message)
@@ -185,7 +198,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
             ("mesh", "twice as many intervals", "finer mesh", 0.6, resampled(best, grid), {"grid": grid}),
             ("smoothing", "contact smoothed over twice the depth", "softer contact", 0.7, best.last,
              {"smoothing": smoothing})):
-        other = search.changed(**changed).free(start, what, done)
+        other = unless_interrupted(search.changed(**changed).free(start, what, done))
         moved = position_mm(other) - position_mm(best) if other.success else None
         add(name, label, moved, "mm", "", None, part="change", label_of=label, moved=moved, message=other.message,
             change=other.last_cost / best.last_cost - 1.0)

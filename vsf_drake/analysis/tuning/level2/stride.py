@@ -42,7 +42,7 @@ from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
 from vsf_drake.collocation import problem as collocation
 from vsf_drake.collocation.problem import Convex, Curve, Grid, Layout, Residuals
 from vsf_drake.collocation.solution import Start, TrajectorySolution
-from vsf_drake.errors import InputError
+from vsf_drake.errors import InputError, require
 from vsf_drake.schema import choice, quantity
 from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel, Smoothing
@@ -50,7 +50,8 @@ from vsf_drake.simulation.sagittal.model import DESIGN, SOCKET, SagittalModel, S
 MM = 1e-3
 LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
           "push_off": "push-off work, negative", "tracking": "deviation from the consistent stride",
-          "deviation": "deviation from the consistent stride", "steady": "a little joint and socket load"}
+          "deviation": "deviation from the consistent stride",
+          "steady": "half of the joint and socket load, for steady torques"}
 Term = Residuals | Convex
 PACE = "stride_time"  # over the recorded one
 FREE = (*DESIGN, PACE)  # what all instants share
@@ -116,6 +117,10 @@ class StrideOptions(CommonOptions):
             raise InputError("there are none", where="stages", right="Give at least one")
         if not all(factor > 0.0 for factor in self.hold_factors):
             raise InputError(f"{self.hold_factors} are not all above 0", where="hold_factors")
+        for factor in self.hold_factors:
+            require(1e-4 <= factor * self.deviation_weight <= 1e3,
+                    f"{self.deviation_weight:g} times {factor:g} of hold_factors is out of range", "deviation_weight",
+                    "The product must be from 0.0001 to 1000")
 
 
 class StrideFunction:
