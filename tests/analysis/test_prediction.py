@@ -252,7 +252,7 @@ def test_the_verdict_names_the_layer_that_is_nearest_to_the_held_out_plates():
     text = " ".join(layer_sentences(table))
     for words in ("6.0 % body weight off by physics alone", "5.0 % with the person's own momentum",
                   "5.5 % with the disc", "3.0 % off with the measured times", "4.0 % with those",
-                  "earn physics and momentum, below the stretched curve in 0 of 2",
+                  "support physics and momentum, below the stretched curve in 0 of 2",
                   "does not correct low_3: the recorded motion", "40 % of their curves",
                   "fewer than three settings were fitted, and none twice"):
         assert words in text
