@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from vsf_drake.analysis.tuning.common import COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, published_signs
+from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, outcomes, published_signs
 from vsf_drake.analysis.tuning.level2.saved import as_good
 from vsf_drake.analysis.tuning.level2.search import Fixed, Held, StrideSearch, StrideSolution, tracked
 from vsf_drake.analysis.tuning.level2.stride import MM, STEADY
@@ -142,9 +142,34 @@ def test_a_free_fulcrum_is_at_least_as_good_as_where_it_was_freed(tuning, stride
     assert 66.0 < free.p[0] / MM < 151.0
 
 
-def test_a_consistent_stride_is_what_it_was_made_of_and_both_feet_s_forces_are_known(stride):
+@pytest.fixture(scope="module")
+def coarsely(stride):
+    """The recorded stride as a possible motion on 20 intervals."""
+    return tracked(dataclasses.replace(stride, grid=dataclasses.replace(stride.grid, intervals=20)))
+
+
+def test_outcomes_have_the_signs_of_walking_and_those_of_a_slower_stride_its_time(stride, coarsely):
+    """Late in stance the ground bears before the pylon and turns the toe up by more than 0.5 N m/kg, and the knee is
+    not straight beyond 5 degrees: no walk does otherwise. At the same instants a stride that takes 1.1 times as long is
+    as much longer, has the same angles, and at rates 1.1 times smaller less power."""
+    own = dataclasses.replace(stride, grid=coarsely.problem.grid, consistent=coarsely)
+    found = outcomes(coarsely, own)
+    assert 1.0 < found["dorsiflexion"] < 30.0 and 0.5 < found["ankle_moment"] < 2.5
+    assert -40.0 < found["knee_extension"] < 5.0
+    assert found["push_off_power"] > 0.0 and found["push_off_work"] > 0.0
+    assert found["stride_time"] == pytest.approx(stride.recorded.period_s)
+    start = Start(z=coarsely.last.z, p=np.append(coarsely.last.p[:-1], 1.1))
+    slower = outcomes(SimpleNamespace(last=start, last_y=lambda: own.function.evaluate(start.z, start.p)), own)
+    for name in ("stride_time", "stride_length"):
+        assert slower[name] == pytest.approx(1.1 * found[name])
+    for name in ("dorsiflexion", "knee_extension"):
+        assert slower[name] == pytest.approx(found[name])
+    assert slower["push_off_power"] < found["push_off_power"]
+
+
+def test_a_consistent_stride_is_what_it_was_made_of_and_both_feet_s_forces_are_known(stride, coarsely):
     """The other way: its motion and forces are the solution's, on its own grid and, between strikes, on a finer one."""
-    solution = tracked(dataclasses.replace(stride, grid=dataclasses.replace(stride.grid, intervals=20)))
+    solution = coarsely
     coarse = dataclasses.replace(stride, grid=solution.problem.grid, consistent=solution)
     y = coarse.function.evaluate(solution.z, solution.p)
     assert coarse.value("deviation", y) == pytest.approx(0.0, abs=1e-9)
@@ -170,7 +195,7 @@ def test_a_consistent_stride_that_is_tracked_finds_its_own_fulcrum(stem):
     search.stride = dataclasses.replace(stride, consistent=solution)
     other = min(stride.reach_mm, key=lambda mm: -abs(mm - stride.own_m / MM))
     found = search.free(search.at(other, solution.last, "fixed").last, "free")
-    assert found.success and abs(found.p[0] / MM - stride.own_m / MM) < 10.0
+    assert found.success and abs(found.p[0] / MM - stride.own_m / MM) < 1.5
 
 
 def test_the_interval_holds_what_is_as_good_and_the_end_of_every_search_that_converged():
