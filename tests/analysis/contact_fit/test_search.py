@@ -287,11 +287,11 @@ def test_a_search_hops_from_the_valley_where_it_ended_into_a_deeper_one_beside_i
     assert stays.success and stays.u[0] == pytest.approx(0.0, abs=0.02), "no hops where it is to stay near"
 
 
-def test_hops_have_evaluations_of_their_own_and_a_resumed_search_hops_too():
+def test_a_search_whose_limit_leaves_no_hops_says_so_and_a_resumed_search_hops():
     few = valleys()
-    few.joint = ContactFitOptions(iterations=12)
+    few.joint = ContactFitOptions(iterations=8)
     found = search(few, np.array([-0.1, 0.5]))
-    assert found.success and found.evaluations > 12 and found.cost == pytest.approx(0.5, rel=0.01)
+    assert found.success and found.cost > 4.0 and "the limit of 8 iterations ended it" in found.message
     resumed = search(valleys(), np.array([0.1, 0.5]), near=True, hops=True)
     assert resumed.success and resumed.cost == pytest.approx(0.5, rel=0.01) and len(resumed.beside)
 

@@ -401,5 +401,6 @@ def _own_worth(end: JointEnd) -> dict[str, object]:
         "pairs": [pair for pair in u.together if all(owner(name) is None for name in pair.names)],
         "alike": sum(s.success for s in end.alike()), "alike_within": f"{ALIKE:g}",
         "searches": sum(not s.met for s in end.searches), "met": sum(s.met > 0 for s in end.searches),
+        "untried": end.searches[end.best].success and "limit of" in end.searches[end.best].message,
         "cost": cost, "lost": sum(not s.success for s in end.searches),
         "better": [s.cost for s in end.searches if not s.success and s.cost < cost - ALIKE]}

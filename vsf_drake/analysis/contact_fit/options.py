@@ -59,8 +59,8 @@ class ContactFitOptions:
             hypercube samples of the prior.
         solver: "gauss_newton" (trust region, from much assumed noise to what is assumed), "snopt" or "ipopt" (Drake,
             exact gradients), "nlopt" (global: DIRECT and then a local search, Drake).
-        iterations: most evaluations of a search's way down, and of each way down beside its end; for "nlopt" of its
-            global part.
+        iterations: most evaluations of a search, its hops included; for "nlopt" of its global part. A search that
+            converged before they end it is a minimum, but not everything beside it was tried, and the verdict says so.
         time_limit_s: after which the search that runs is ended as it is, and no other begun; None for no limit.
         tolerance: a search has converged when a step betters the cost by less than this part of it.
         step_s: of the walks during the search. report_step_s: of those that are reported.
@@ -74,7 +74,7 @@ class ContactFitOptions:
     screened: int = quantity(12, unit="1", low=1, source=_CHOICE)
     seed: int = quantity(0, unit="1", low=0, source=_CHOICE)
     solver: str = choice("gauss_newton", options=SOLVERS, source=_CHOICE)
-    iterations: int = quantity(100, unit="1", low=1, source=_CHOICE)
+    iterations: int = quantity(300, unit="1", low=1, source=_CHOICE)
     time_limit_s: float | None = quantity(None, unit="s", low=_ABOVE_0, source=_CHOICE)
     tolerance: float = quantity(1e-5, unit="1", low=_ABOVE_0, high=0.01, source=_CHOICE)
     step_s: float = quantity(2e-3, unit="s", low=_ABOVE_0, high=0.01, source=_CHOICE)

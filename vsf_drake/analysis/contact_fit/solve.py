@@ -214,7 +214,7 @@ def _hopped(tried: _Tried) -> tuple[bool, str, np.ndarray]:
     ends = list[np.ndarray]()
 
     def down(begin: np.ndarray, tolerance: float | None = None) -> tuple[bool, str]:
-        ended = _descend(tried, begin, tolerance=tolerance, most=tried.count + tried.fit.joint.iterations)
+        ended = _descend(tried, begin, tolerance=tolerance)
         if ended[0] and (there := tried.at(tried.last)) is not None:
             ends.append(np.array([there.cost, *tried.last]))
         return ended
