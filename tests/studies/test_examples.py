@@ -337,10 +337,11 @@ def test_in_the_slopes_axes_the_forces_are_those_of_level_ground_but_for_the_wei
 
 @pytest.mark.parametrize("name", ["step", "mat", "ice"])
 def test_what_is_under_the_prosthesis_alone_changes_nothing_for_the_other_foot(over_grounds, weight, name):
-    """Pelvis and joints are prescribed, so the feet do not feel each other."""
+    """Pelvis and joints are prescribed, so the feet do not feel each other; each of the two runs has the integrator's
+    error."""
     level = over_grounds["level"].intact_grf_W
     assert level[:, 2].max() > 0.5 * weight
-    np.testing.assert_allclose(over_grounds[name].intact_grf_W, level, atol=SAME_BW * weight)
+    np.testing.assert_allclose(over_grounds[name].intact_grf_W, level, atol=2.0 * SAME_BW * weight)
     assert np.abs(over_grounds[name].grf_W - over_grounds["level"].grf_W).max() > 10.0 * SAME_BW * weight
 
 
