@@ -2,7 +2,7 @@
 
     found     a recorded stride is made consistent at its own fulcrum; tracked with the fulcrum free, from three
               starts, does it find that position? And the recording itself?
-    costs     of one stride, for each cost: how long a search takes, and how far the full model is from it
+    costs     of a stride at each setting, for each cost: how long a search takes, and how far the full model is from it
     signs     which published signs stiffness has, for each weight of the hold and each setting of the recording
 
 The results are in studies/results/adaptive_stride.json; the whole takes some fifteen minutes.
@@ -39,7 +39,7 @@ from vsf_drake.simulation.archive import provenance
 COARSE, FINE = 20, 40  # intervals, of the searches that are many and of those that the full model carries out
 STARTS_MM = (66.0, 108.0, 151.0)
 WEIGHTS = (0.125, 0.5, 2.0)
-SHOWN = ("stored_energy", "returned_energy", "push_off_work", "push_off_power", "dorsiflexion", "ankle_moment",
+SHOWN = ("stored_energy", "push_off_work", "push_off_power", "dorsiflexion", "ankle_moment",
          "knee_extension", "knee_flexor_moment", "intact_first_peak", "metabolic", "stride_time")
 
 
@@ -123,12 +123,14 @@ def main() -> None:
     results["found"] = {name: found(one) for name, one in coarse.items()}
     for name, row in results["found"].items():
         print(name, row["own_mm"], row["consistent_mm"], row["recording_mm"], flush=True)
-    fine = Recorded(paths["medium_1"], COARSE if quick else FINE)
-    results["costs"] = {cost: carried_out(fine, cost) for cost in (COSTS[:1] if quick else COSTS)}
-    for cost, row in results["costs"].items():
-        print(cost, row, flush=True)
+    chosen = ["medium_1"] if quick else ["low_1", "medium_1", "high_1"]
+    results["costs"] = {}
+    for name in chosen:
+        fine = Recorded(paths[name], COARSE if quick else FINE)
+        results["costs"][name] = {cost: carried_out(fine, cost) for cost in (COSTS[:1] if quick else COSTS)}
+        print(name, results["costs"][name], flush=True)
     results["signs"] = [signs(coarse[name], "joint_load", weight)
-                        for name in (["medium_1"] if quick else ["low_1", "medium_1", "high_1"])
+                        for name in chosen
                         for weight in (WEIGHTS[1:2] if quick else WEIGHTS)]
     for row in results["signs"]:
         print(row["recorded_mm"], row["cost"], row["weight"], row["count"], row["fulcrum_mm"], flush=True)

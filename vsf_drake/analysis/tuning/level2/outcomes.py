@@ -15,7 +15,6 @@ KINDS = {
     "push_off_work": ("push-off work on the residual limb", "J/kg"),
     "push_off_power": ("largest power on the residual limb", "W/kg"),
     "stored_energy": ("largest energy in keel and support", "J"),
-    "returned_energy": ("what of that keel and support give back before the next strike", "J"),
     "dorsiflexion": ("largest turn of the keel's end, toe up", "deg"),
     "ankle_moment": ("largest moment at the pylon's end that turns the toe up", "N m/kg"),
     "prosthetic_first_peak": ("prosthetic first peak of the vertical force", "BW"),
@@ -38,8 +37,9 @@ SIGNS_OF = "Nichols 2023"
 """The source, in the table of published effects, whose signs were measured on the variable-stiffness foot itself."""
 MEASURES = {"dorsiflexion": "dorsiflexion", "plantarflexor moment": "ankle_moment", "knee extension": "knee_extension",
             "knee flexor moment": "knee_flexor_moment", "push-off power": "push_off_power",
-            "energy stored": "stored_energy", "energy returned": "returned_energy"}
-"""Its measures, and the outcome that stands for each."""
+            "energy stored": "stored_energy"}
+"""Its measures, and the outcome that stands for each. Energy returned is not among them: keel and support hold nothing
+in swing, so that it would be what was stored once more."""
 
 
 def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
@@ -68,7 +68,6 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
     moment = column("prosthetic_my") - (motion.z[pylon] * column("prosthetic_fx")
                                         - motion.x[pylon] * column("prosthetic_fz"))
     turn = last.z[:, layout.w][:, len(SOCKET):] @ model.support.signs
-    energy = column("stored_energy")
 
     _, _, _, hip_p, knee_p, _, knee_i, _ = layout.coordinates
     late = reference.late & reference.stance["prosthetic"]
@@ -77,8 +76,7 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
              for foot, known in reference.force.items() if reference.known[foot].any()]
     pace = float(last.p[-1])
     return {
-        "push_off_work": -pace * stride.value("push_off", y), "stored_energy": float(energy.max()),
-        "returned_energy": float(energy.max() - energy[int(energy.argmax()):].min()),
+        "push_off_work": -pace * stride.value("push_off", y), "stored_energy": float(column("stored_energy").max()),
         "push_off_power": float(column("prosthesis_power")[late].max() / mass),
         "dorsiflexion": float(np.degrees(turn.max())), "ankle_moment": float(-moment.min() / mass),
         "prosthetic_first_peak": peak("prosthetic", False), "prosthetic_second_peak": peak("prosthetic", True),
@@ -96,5 +94,5 @@ def published_signs(strides: Sequence[dict[str, float]]) -> dict[str, bool | Non
     """By measure of SIGNS_OF, whether outcomes from the softest to the stiffest setting have the published sign; None
     where they have none."""
     found = {effect.measure: (effect.effect, direction([[row[MEASURES[effect.measure]]] for row in strides]))
-             for effect in published_effects() if effect.source == SIGNS_OF}
+             for effect in published_effects() if effect.source == SIGNS_OF and effect.measure in MEASURES}
     return {measure: None if not own else own == sign for measure, (sign, own) in found.items()}

@@ -90,7 +90,7 @@ class StrideSearch:
     def _solve(self, fulcrum_mm: tuple[float, float], design: tuple[str, ...], start: Start, what: str,
                fraction: float) -> TrajectorySolution:
         stride, options = self.stride, self.stride.options
-        free = (*design, PACE) if options.free_time and self.cost != "tracking" else design
+        free = (*design, PACE) if self.cost != "tracking" else design
 
         def report(iteration: Iteration) -> None:
             if self.progress:

@@ -80,7 +80,6 @@ class StrideOptions(CommonOptions):
         torque_weight: of the squared joint moments in the tracking cost, to make the solution unique.
         smooth_power_w: power below which positive and negative work are rounded.
         torque_nm_per_kg: largest joint moment. angle_margin_deg: how far an angle may leave the range of its recording.
-        free_time: whether the stride's time, and its length at the recorded speed, are free too, but in tracking.
         clearance_m: least height of a foot over the ground in the middle of its swing.
         stages: of smoothing, the last of which counts.
         positions: how many fixed positions the sweep takes. time_limit_s: of one solve.
@@ -104,7 +103,6 @@ class StrideOptions(CommonOptions):
     smooth_power_w: float = quantity(5.0, unit="W", low=0.1, high=100.0, source="choice")
     torque_nm_per_kg: float = quantity(4.0, unit="N m/kg", low=0.5, high=20.0, source="choice")
     angle_margin_deg: float = quantity(15.0, unit="deg", low=1.0, high=90.0, source="choice")
-    free_time: bool = True
     clearance_m: float = quantity(0.01, unit="m", low=-0.05, high=0.05, source="choice")
     stages: tuple[Smoothing, ...] = STAGES
     hold_factors: tuple[float, ...] = (0.25, 4.0)  # a choice
