@@ -40,18 +40,20 @@ from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, Planar
 
 
 class _Columns:
-    """Places of q, v, a, w, u and p among the derivatives; `link`: of q, w, fulcrum and alignment, in this order."""
+    """Places of q, v, a, w, u and p among the derivatives; `link`: of q, w and, if there is a prosthesis, fulcrum and
+    alignment, in this order."""
 
     def __init__(self, n: int, k: int, link: np.ndarray) -> None:
         self.n, self.k = n, k
-        self.of_q, self.of_w, self.of_fulcrum, self.of_alignment = link[:n], link[n:n + k], link[n + k], link[n + k + 1]
+        self.of_q, self.of_w, self.of_placed = link[:n], link[n:n + k], link[n + k:]
         self.v, self.a, self.w, self.u = n, 2 * n, 3 * n, 3 * n + k
-        self.fulcrum, self.heel, self.alignment, self.thickness = 3 * n + 2 * k + np.arange(4)
+        self.fulcrum, self.heel, alignment, self.thickness = 3 * n + 2 * k + np.arange(4)
+        self.placed = np.array([self.fulcrum, alignment])[:len(self.of_placed)]
 
     def fill(self, by: np.ndarray, place: np.ndarray, rate: np.ndarray | None = None) -> None:
-        """Into `by` (r, 52, N) the derivatives (r, L, N) by the links' coordinates and by their rates."""
+        """Into `by` (r, P, N) the derivatives (r, L, N) by the links' coordinates and by their rates."""
         by[:, :self.n], by[:, self.w:self.u] = place[:, self.of_q], place[:, self.of_w]
-        by[:, self.fulcrum], by[:, self.alignment] = place[:, self.of_fulcrum], place[:, self.of_alignment]
+        by[:, self.placed] = place[:, self.of_placed]
         if rate is not None:
             by[:, self.v:self.a], by[:, self.u:self.fulcrum] = rate[:, self.of_q], rate[:, self.of_w]
 
@@ -60,8 +62,8 @@ def linearise(
     model: SagittalModel, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray,
     smoothing: Smoothing
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values (m, N) of `SagittalModel.evaluate` at real arrays (n, N), and (m, 52, N) derivatives by what is given, in
-    order."""
+    """Values (m, N) of `SagittalModel.evaluate` at real arrays (n, N), and (m, P, N) derivatives by what is given, in
+    order: P = 3 n + 2 k + 4."""
     n, k, dynamics, at = len(q), len(w), model.dynamics, _Columns(len(q), len(w), model.dynamics.link)
     y = model.evaluate(q, v, a, w, u, p, smoothing)
     by = np.zeros((len(y), at.thickness + 1, q.shape[1]))
@@ -83,7 +85,8 @@ def linearise(
 
     # Socket and keel have springs, the keel the support too: their balance is the joint's force less the spring's.
     torque, powers, ground = slice(3 + k, n + k), n + k + np.arange(n - 3), 2 * n + k - 3
-    power, stored, soles = ground + 9, ground + 10, ground + 11
+    power = model.outputs.index("prosthesis_power")
+    stored, soles = power + 1, power + 2
     by[stored] = _add_support(model, w, u, p, by[3:3 + k], at)
     by_spring = _add_springs(model, w, u, p, by[stored], at)
     by[3:3 + k] -= by_spring
@@ -178,8 +181,8 @@ def _load_change(
 def _add_support(
     model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_load: np.ndarray, at: _Columns
 ) -> np.ndarray:
-    """Adds to (k, 52, N) what joints give against the support, by complex steps and, for rates, damping dw/dq_i
-    dw/dq_k; (52, N) derivatives of its energy."""
+    """Adds to (k, P, N) what joints give against the support, by complex steps and, for rates, damping dw/dq_i
+    dw/dq_k; (P, N) derivatives of its energy."""
     count = len(model.support.starts)
     first, each = len(w) - count, np.arange(count)
     turned, rates = (np.repeat(x[first:, None], count + 1, 1).astype(complex) for x in (w, u))
@@ -200,7 +203,7 @@ def _add_support(
 def _add_springs(
     model: SagittalModel, w: np.ndarray, u: np.ndarray, p: np.ndarray, by_energy: np.ndarray, at: _Columns
 ) -> np.ndarray:
-    """(k, 52, N) derivatives of the springs' forces; adds those of the keel's energy: complex steps."""
+    """(k, P, N) derivatives of the springs' forces; adds those of the keel's energy: complex steps."""
     h, each = IMAGINARY_STEP, np.arange(len(w))
     steps = 1j * h * np.eye(3)[:, None, :, None]
     force, stored = spring_forces(
@@ -216,7 +219,7 @@ def _power_below(
     model: SagittalModel, motion: PlanarMotion, joints: tuple[np.ndarray, np.ndarray], wrench: np.ndarray,
     by_wrench: np.ndarray, at: _Columns
 ) -> np.ndarray:
-    """(52, N) of the ground's `wrench` (3, N) at the shank's twist; `by_wrench`: derivatives of fx, fz, my.
+    """(P, N) of the ground's `wrench` (3, N) at the shank's twist; `by_wrench`: derivatives of fx, fz, my.
 
     P = F . V:  F . dV + V . dF, with dV = (S x V + D) dq + S dv of the joints that carry the shank.
     """

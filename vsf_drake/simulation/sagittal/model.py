@@ -1,13 +1,18 @@
 """The person in the sagittal plane at one instant: what its motion takes, keel and socket at rest under their load.
 
-    q, v, a   pelvis (tilt, tx, ty), hips, knees, intact ankle: position, rate, acceleration
-    w, u      socket (tx, tz, flexion) and keel (pin and sprung joints): displacement and its rate. Their inertia is
-              left out (its own motion is of 1e2 1/s and faster); masses move with them
+    q, v, a   n coordinates, pelvis (tilt, tx, ty), hips, knees, intact ankle: position, rate, acceleration
+    w, u      k of them, socket (tx, tz, flexion) and keel (pin and sprung joints): displacement and its rate. Their
+              inertia is left out (its own motion is of 1e2 1/s and faster); masses move with them
     p         design: position of the fulcrum (m from A), stiffness of the heel's zones over the model's, turn of the
               foot toes-up (rad), thickness of the keel over the model's (its mass is kept)
 
 Geometry, masses, springs and contact are those of the walker's plant and Context; contact and friction are smoothed
 (below), and so are the springs' corners and the fulcrum's way over the keel's joints.
+
+The same person with two intact legs is the able-bodied one: the image of the intact leg, in the sagittal mirror, has
+the place of the prosthetic one, and its ankle comes last in q. Nothing is at rest under its load (k = 0), and p is
+without effect. The legs keep their masses; head, arms and trunk get what they leave of the subject's mass, about the
+same centre and with the same radius of gyration, as `plants.anthropometry` has it.
 """
 
 from __future__ import annotations
@@ -25,7 +30,15 @@ from vsf_drake.motion.manifest import GeometricOffsets, mount_of
 from vsf_drake.plants.foot import set_mount
 from vsf_drake.schema import check, quantity
 from vsf_drake.simulation.mechanism import edited, gait_mechanism
-from vsf_drake.simulation.sagittal.planar_dynamics import PlanarDynamics, PlanarMotion, PlanarTree, planar_tree, turned
+from vsf_drake.simulation.sagittal.planar_dynamics import (
+    PlanarDynamics,
+    PlanarMotion,
+    PlanarTree,
+    planar_tree,
+    turned,
+    with_mirror_image,
+    without_branch,
+)
 from vsf_drake.simulation.stepping.assembly import SITE_COLUMNS
 from vsf_drake.simulation.variables import OFFSETS, added, check_values
 from vsf_drake.simulation.walk import Walker, check_offsets
@@ -34,11 +47,14 @@ DESIGN = ("fulcrum_m", "heel_stiffness", "alignment_rad", "keel_thickness")
 SOCKET = ("socket_tx", "socket_tz", "socket_flexion")
 
 
-def sagittal_coordinates(prosthetic_side: str) -> tuple[str, ...]:
+def sagittal_coordinates(prosthetic_side: str, *, able_bodied: bool = False) -> tuple[str, ...]:
     """Names of q, in order, for "right" or "left"."""
     p, i = ("r", "l") if prosthetic_side == "right" else ("l", "r")
     return ("pelvis_tilt", "pelvis_tx", "pelvis_ty", f"hip_flexion_{p}", f"knee_angle_{p}", f"hip_flexion_{i}",
-            f"knee_angle_{i}", f"ankle_angle_{i}")
+            f"knee_angle_{i}", f"ankle_angle_{i}", *((f"ankle_angle_{p}",) if able_bodied else ()))
+
+
+MIRRORED = {5: 3, 6: 4, 7: 8}  # hip, knee and ankle among them: the intact one's, and its image's
 
 
 class SagittalModel:
@@ -47,11 +63,17 @@ class SagittalModel:
     `values` of `walker.variables`, but for coordinates, replace what the Context holds. Names of q, w and what
     `evaluate` returns are `coordinates`, `quasi_static` and `outputs`; `weight` is the subject's (N), `ground` the
     height (m), `shift` (m) is added to the fulcrum; `feet` are the prosthetic and the intact spheres, `shank` the
-    residual's link. InputError if the prosthesis is turned out of the sagittal plane, or a value is not usable.
+    residual's link, `socket` the one that socket_flexion moves, `socket_bends` 1 if that turns as a bending knee does,
+    else -1. InputError if the prosthesis is turned out of the sagittal plane, or a value is not usable.
+
+    `able_bodied`: with two intact legs. Attributes and outputs named after the prosthesis are then those of the leg in
+    its place: `prosthesis_power` is of ankle and foot, `stored_energy` is 0, `socket` is the shank, and there is no
+    force_*. `offsets` and `values` are checked and have no effect: all of them are the prosthesis's.
     """
 
     def __init__(
-        self, walker: Walker, *, offsets: GeometricOffsets | None = None, values: dict[str, float] | None = None
+        self, walker: Walker, *, offsets: GeometricOffsets | None = None, values: dict[str, float] | None = None,
+        able_bodied: bool = False
     ) -> None:
         offsets = check_offsets(offsets)
         gait, context = walker.gait, walker.gait.diagram.CreateDefaultContext()
@@ -64,39 +86,49 @@ class SagittalModel:
         set_mount(gait.plant_context(context), foot, **{  # the plane knows no inversion and no toe-out
             name: own[name] + more for name, more in zip(OFFSETS[:3], mount[:3], strict=True)})
         mechanism = edited(gait_mechanism(gait, context), walker.variables, values)
-        tree = mechanism.tree
+        tree, side, count = mechanism.tree, walker.subject.prosthetic_side, len(foot.sites.radius)
         self.subject, self.foot = walker.subject, walker.model.foot
-        self.coordinates = sagittal_coordinates(walker.subject.prosthetic_side)
-        self.quasi_static = (*SOCKET, *foot.keel_joint_names)
-        names = (*self.coordinates, *self.quasi_static, "fulcrum")
-        plane = planar_tree(tree, names, turning_weld=tree.body_names[mechanism.frame_body])
+        self.coordinates = sagittal_coordinates(side, able_bodied=able_bodied)
+        self.quasi_static = () if able_bodied else (*SOCKET, *foot.keel_joint_names)
+        sites, bodies, heel = mechanism.sites, mechanism.site_bodies, np.zeros(len(mechanism.sites), dtype=bool)
+        heel[:count] = np.array([name.startswith("heel") for name in foot.sites.zone_names])[foot.sites.zone]
+        keel_starts, keel_bodies = mechanism.keel_starts, mechanism.keel_bodies
+        names = sagittal_coordinates(side)
+        if able_bodied:
+            rest = planar_tree(without_branch(tree, names[3]), names)
+            plane = with_mirror_image(rest, MIRRORED, mass_kg=walker.subject.mass_kg)
+            sites, heel = np.tile(sites[count:], (2, 1)), np.tile(heel[count:], 2)
+            bodies, count = np.concatenate([-bodies[count:], bodies[count:]]), len(sites) // 2
+            keel_starts, keel_bodies = keel_starts[:0], keel_bodies[:0]
+        else:
+            names = (*names, *self.quasi_static, "fulcrum")
+            plane = planar_tree(tree, names, turning_weld=tree.body_names[mechanism.frame_body])
         self.dynamics = PlanarDynamics(plane)
         self.ground = mechanism.ground_height
         self.weight = walker.subject.mass_kg * plane.gravity
         rows = [list(mechanism.spring_index).index(tree.index(name)) for name in self.quasi_static]
         self.springs = mechanism.springs[rows]
-        keel = [plane.bodies[int(body)][0] for body in mechanism.keel_bodies]
+        keel = [plane.bodies[int(body)][0] for body in keel_bodies]
         lifts = np.array([-plane.links[link].turn for link in keel])
-        self.support = Support(mechanism.keel_starts, lifts, *mechanism.fulcrum)
-        self.shank = plane.bodies[tree.body_names.index(f"shank_{walker.subject.prosthetic_side}")][0]
-        count = len(foot.sites.radius)
-        heel = np.zeros(len(mechanism.sites), dtype=bool)
-        heel[:count] = np.array([name.startswith("heel") for name in foot.sites.zone_names])[foot.sites.zone]
-        self.spheres, first = merged_spheres(plane, mechanism.sites, mechanism.site_bodies, heel)
+        self.support = Support(keel_starts, lifts, *mechanism.fulcrum)
+        self.shank = int(self.dynamics.link[4])  # the knee's joint moves it
+        self.socket = self.shank if able_bodied else int(self.dynamics.link[names.index("socket_flexion")])
+        self.socket_bends = plane.links[self.socket].turn * plane.links[self.shank].turn
+        self.spheres, first = merged_spheres(plane, sites, bodies, heel)
         prosthetic = int(np.sum(first < count))
         self.feet = slice(0, prosthetic), slice(prosthetic, None)
         self.outputs = (
             *(f"balance_{name}" for name in (*self.coordinates[:3], *self.quasi_static)),
             *(f"torque_{name}" for name in self.coordinates[3:]), *(f"power_{name}" for name in self.coordinates[3:]),
             *(f"{foot}_{part}" for foot in ("prosthetic", "intact") for part in ("fx", "fz", "my")),
-            *(f"force_{name}" for name in SOCKET), "prosthesis_power", "stored_energy", "prosthetic_sole",
-            "intact_sole")
+            *(f"force_{name}" for name in self.quasi_static[:len(SOCKET)]), "prosthesis_power", "stored_energy",
+            "prosthetic_sole", "intact_sole")
 
     def evaluate(
         self, q: np.ndarray, v: np.ndarray, a: np.ndarray, w: np.ndarray, u: np.ndarray, p: np.ndarray,
         smoothing: Smoothing
     ) -> np.ndarray:
-        """(len(outputs), ...) at q, v, a (8, ...), w, u (12, ...), p (4, ...), real or complex.
+        """(len(outputs), ...) at q, v, a (n, ...), w, u (k, ...), p (4, ...), real or complex.
 
         Outputs: balance_* (N, N m) what is left over of forces, 0 in a motion that is possible; torque_* (N m) and
         power_* (W) of the joints; the ground's force fx, fz (N) on each foot and moment about +y at W's origin (N m);
@@ -132,7 +164,8 @@ class SagittalModel:
 
     def spring_scale(self, thickness: np.ndarray) -> np.ndarray:
         keel = thickness * thickness * thickness
-        return np.stack([np.ones_like(keel)] * len(SOCKET) + [keel] * (len(self.quasi_static) - len(SOCKET)))
+        bends = np.array([name not in SOCKET for name in self.quasi_static], dtype=bool)
+        return np.where(tall(bends, keel[None]), keel, 1.0)
 
 
 # The fulcrum on the keel, as a function of the keel's turns: the pair of forces moves nothing else.

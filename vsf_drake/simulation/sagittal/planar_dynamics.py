@@ -9,8 +9,8 @@ carry one, forces over those that it carries (Featherstone, Rigid Body Dynamics 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
@@ -141,7 +141,8 @@ class PlanarTree:
 
     links: list[Link]
     bodies: dict[int, tuple[int, np.ndarray, float]]
-    """By the plant's body index, the link (-1 for the world) and the body's (x, z, angle) in its frame."""
+    """By the plant's body index, the link (-1 for the world) and the body's (x, z, angle) in its frame; by minus that
+    index, the body's mirror image (`with_mirror_image`)."""
     gravity: float  # m/s^2, downwards
 
 
@@ -188,6 +189,34 @@ def planar_tree(tree: Tree, names: Sequence[str], *, turning_weld: str | None = 
             link.inertia += body[5] + 2.0 * float(place @ moment) + mass * float(place @ place)
             link.moment = link.moment + moment + mass * place
     return PlanarTree(links=links, bodies=bodies, gravity=-float(tree.gravity[2]))
+
+
+def without_branch(tree: Tree, name: str) -> Tree:
+    """The plant's tree without the joints that carry what the coordinate `name` moves."""
+    kept = ~tree.ancestors[tree.links[:, 2], tree.index(name)]
+    return replace(tree, links=tree.links[kept], frames=tree.frames[kept])
+
+
+def with_mirror_image(tree: PlanarTree, images: Mapping[int, int], *, mass_kg: float) -> PlanarTree:
+    """The tree and, on the same link, a copy of a branch; `images` names the copy's coordinate by that of each joint.
+
+    The link that carries both gets the mass that they leave of `mass_kg`; its centre and radius of gyration stay.
+    """
+    links, bodies = list(tree.links), dict(tree.bodies)
+    link_images: dict[int, int] = {}
+    for i, link in enumerate(tree.links):
+        if link.coordinate in images:
+            link_images[i] = len(links)
+            links.append(replace(link, coordinate=images[link.coordinate],
+                                 parent=link_images.get(link.parent, link.parent)))
+    for body, (link_index, place, angle) in tree.bodies.items():
+        if link_index in link_images:
+            bodies[-body] = link_images[link_index], place, angle
+    root = tree.links[min(link_images)].parent
+    trunk = links[root]
+    share = 1.0 + (mass_kg - sum(link.mass for link in links)) / trunk.mass
+    links[root] = replace(trunk, mass=share * trunk.mass, moment=share * trunk.moment, inertia=share * trunk.inertia)
+    return replace(tree, links=links, bodies=bodies)
 
 
 def _then(at: np.ndarray, angle: float, p: np.ndarray, R: np.ndarray, name: str) -> tuple[np.ndarray, float]:
