@@ -24,9 +24,7 @@ from vsf_drake.schema import check, quantity
 
 Progress = Callable[[Iteration], None]
 ENOUGH, SHORTEST, NOISE = 1e-4, 1.0 / 64.0, 1e-13
-STEP, GAIN = 1e-5, 1e-11
-"""At an optimum the next step would change no scaled variable by more than the first, or lower the cost by less than
-the second's part of 1 + the cost, scaled."""
+STEP = 1e-5  # at an optimum the next step would change no scaled variable by more, or gain too little
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6  # Levenberg damping of the scaled step: the first, and its range
 WASTED, LOST, TRADING = 30, 1e10, 1e-2
 """A search ends after so many iterations without less violation, or with multipliers beyond; below the last it goes on,
@@ -47,12 +45,14 @@ class CollocationOptions:
         iterations: most iterations. time_limit_s: most wall time, checked once an iteration.
         violation: largest violation of any equation or limit of a solution.
         optimality: largest first-order residual, relative to 1 + the largest multiplier.
+        gain: part of 1 + the cost, scaled, that a next step must promise, or the search is at rest.
     """
 
     iterations: int = quantity(200, unit="1", low=1, source="choice")
     time_limit_s: float = quantity(600.0, unit="s", low=1e-9, source="choice")
     violation: float = quantity(1e-8, unit="1", low=1e-300, source="choice")
     optimality: float = quantity(1e-6, unit="1", low=1e-300, source="choice")
+    gain: float = quantity(1e-11, unit="1", low=1e-300, source="choice")
 
     def __post_init__(self) -> None:
         check(self)
@@ -100,7 +100,7 @@ class _SqpSearch:
 
             # Feasible, stationary, and at rest: where the cost is flat a small slope alone says little.
             if violation <= options.violation and self.optimality <= options.optimality and (
-                    change <= STEP or abs(step.predicted) <= GAIN * (1.0 + abs(self.at.cost))):
+                    change <= STEP or abs(step.predicted) <= options.gain * (1.0 + abs(self.at.cost))):
                 return "optimal", "first-order conditions hold"
 
             # Multipliers beyond all bounds, or a violation that stays, are those of conditions that cannot be met.
@@ -193,7 +193,7 @@ class _SqpSearch:
         full = self.scaled.linearised(self._moved(step.change))
         if lowers(full, 1.0):
             gained = (before - self._merit(full)) / promised if promised > noise else 1.0
-            return self._take(full, 0.2 if gained > 0.75 else (1.0 if gained > 0.25 else 4.0))
+            return self._take(full, 0.2 if gained > 0.5 else (1.0 if gained > 0.25 else 4.0))
 
         # Where curved equations hold such a step back (Maratos effect), once more with what it left; then shorter.
         if full.finite:
