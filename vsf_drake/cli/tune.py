@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vsf_drake.analysis.tuning.common import COSTS, DESIGN, WEIGHTED, check_name
+from vsf_drake.analysis.tuning.common import COSTS, DESIGN, FREE_COSTS, WEIGHTED, check_name
 from vsf_drake.cli.app import Contact, Out, Seed, app, interrupted, path, print_text, progress, say
 from vsf_drake.errors import FitError, InputError
 
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     Options = level1.TuningOptions | level2.StrideOptions
     Arrays = dict[str, np.ndarray]
 
-Cost = Annotated[str, typer.Option(metavar=f"{'|'.join(COSTS)}|{WEIGHTED}", help="The cost to be minimised.")]
+Cost = Annotated[str, typer.Option(
+    metavar=f"{'|'.join(FREE_COSTS)}|{WEIGHTED}", help="The cost to be minimised; activation only at level 2.")]
 Weights = Annotated[str | None, typer.Option(
     metavar="COST=NUMBER,...",
     help="Weights of the costs in --cost weighted, each divided by its value at the recorded setting.")]
@@ -43,12 +44,12 @@ Quick = Annotated[bool, typer.Option("--quick", help="A coarse sweep, one start,
 
 Asked = dict[str, Any]  # options as they were given, for the results; those left out are not in it
 Show = Callable[[str, float], None]
-_ONLY = {**dict.fromkeys(("intervals", "method"), (2, ", where the motion is free")),
+_ONLY = {**dict.fromkeys(("intervals", "method", "speed"), (2, ", where the motion is free")),
          "joints": (1, "; level 2 has all joints of the sagittal plane"), "pareto": (1, "")}
 """The level that has an option, where the other has not, and why."""
 _OPTIONS = {name: f"--{name.replace('_', '-')}" for name in (
     "cost", "weights", "design", "pareto", "intervals", "method", "joints", "warm_start", "seed", "resolution_mm")}
-_OPTIONS |= {"bounds_mm": "--fulcrum-range", "trials": "TRIAL.yaml"}
+_OPTIONS |= {"bounds_mm": "--fulcrum-range", "speed_m_per_s": "--speed", "trials": "TRIAL.yaml"}
 """By what the analysis calls them."""
 _READ = 0.1  # share of the bar at which a schedule's trials are read
 
@@ -72,6 +73,8 @@ def tune(
     method: Annotated[str | None, typer.Option(
         metavar="hermite_simpson|trapezoidal", help="Level 2: method of collocation.",
         show_default="hermite_simpson")] = None,
+    speed: Annotated[float | None, typer.Option(
+        metavar="M/S", help="Level 2: the speed to walk at.", show_default="the recorded one")] = None,
     pareto: Annotated[str | None, typer.Option(metavar="A,B", help="Two costs whose trade-off is reported.")] = None,
     warm_start: Annotated[Path | None, typer.Option(
         parser=path, metavar="FILE", help="Folder, or tuning.json in it, of an earlier tuning to begin from as well.",
@@ -88,7 +91,7 @@ def tune(
     """
     asked = _asked(cost, weights, level, design=_names(design, "--design", DESIGN) or (), pareto=_names(
         pareto, "--pareto", COSTS), joints=_names(joints, "--joints"), fulcrum_range_mm=fulcrum_range,
-        intervals=intervals, method=method, seed=seed, workers=workers, quick=quick)
+        intervals=intervals, method=method, speed=speed, seed=seed, workers=workers, quick=quick)
     import vsf_drake.systems  # noqa: F401 (first: Drake looks through all modules there are for each template)
     from vsf_drake.analysis.metrics import UNFITTED
     from vsf_drake.analysis.tuning.inputs import load_tuning_trials
@@ -184,7 +187,10 @@ def read_warm_start(file: Path) -> tuple[TuningTable, Arrays]:
 
 
 def _asked(cost: str, weights: str | None, level: int, **others: Any) -> Asked:
-    check_name(cost, (*COSTS, WEIGHTED), "--cost")
+    check_name(cost, (*FREE_COSTS, WEIGHTED), "--cost")
+    if level == 1 and cost in FREE_COSTS and cost not in COSTS:
+        raise InputError(f"{cost} is a cost of level 2, where the motion is free", where="--cost",
+                         right="Give --level 2 with it, or another cost")
     if weights is not None and cost != WEIGHTED:
         raise InputError(f"cannot go with --cost {cost}", where="--weights",
                          right=f"Give --cost {WEIGHTED}, or leave it out")
@@ -239,8 +245,8 @@ def _named_as_options(warm_file: Path | None = None) -> Iterator[None]:
 def _level_options(asked: Asked) -> Options:
     from vsf_drake.analysis.tuning import level1, level2
 
-    given = {"bounds_mm" if name == "fulcrum_range_mm" else name: value for name, value in asked.items()
-             if name not in ("cost", "level", "quick")}
+    analysis = {"fulcrum_range_mm": "bounds_mm", "speed": "speed_m_per_s"}
+    given = {analysis.get(name, name): value for name, value in asked.items() if name not in ("cost", "level", "quick")}
     with _named_as_options():
         if asked["level"] == 1:
             quick: Asked = {"sweep_mm": 5.0, "draws": 0, "confirm": (), "starts": 1, "more_starts": 0}

@@ -262,6 +262,12 @@ def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     assert "12.7 % less than at the softest setting" in words
     assert ('Without "change of the force", the part of the cost that only holds to the recording, it is 3.8 % MORE '
             "than at the softest setting (66 mm) and 4.3 % less than at the stiffest (151 mm).") in words
+    walked = " ".join(answer(dataclasses.replace(held, level=2, terms=tuple(
+        dataclasses.replace(term, name=term.name.replace("consistency", "normal")) for term in terms), sweep=tuple(
+        dataclasses.replace(row, terms={name.replace("consistency", "normal"): value
+                                        for name, value in row.terms.items()}) for row in sweep))))
+    assert "a term that holds the walk to able-bodied walking." in walked
+    assert "the part of the cost that only holds to able-bodied walking, it is 3.8 % MORE" in walked
     assert "Without" not in said() and "DO NOT DECIDE" not in said()
     table = made_table()
     assert table.cost_at(73.5) == pytest.approx(float(np.mean(cost_of(np.array([71.0, 76.0]))))), "a straight line"

@@ -13,6 +13,7 @@ from vsf_drake.errors import InputError
 from vsf_drake.schema import check, choice, quantity
 
 COSTS = ("joint_load", "metabolic", "push_off", "tracking")  # costs that stand for themselves; "weighted" adds them up
+FREE_COSTS = (*COSTS, "activation")  # where the motion adapts
 WEIGHTED = "weighted"
 DESIGN = ("heel_stiffness", "alignment", "keel_thickness")  # what may be tuned beside the fulcrum
 SETTINGS = SOFTEST, OPTIMUM, STIFFEST, RECORDED = "softest", "optimum", "stiffest", "recorded"
@@ -29,9 +30,9 @@ def check_name(name: str, known: Sequence[str], where: str) -> str:
     return name
 
 
-def check_cost(cost: str) -> str:
+def check_cost(cost: str, known: Sequence[str] = COSTS) -> str:
     """Returns the name of a cost, or raises InputError."""
-    return check_name(cost, (*COSTS, WEIGHTED), "cost")
+    return check_name(cost, (*known, WEIGHTED), "cost")
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,9 @@ from vsf_drake.analysis.tuning.common import TuningCheck
 from vsf_drake.files import plain, record
 
 FORMAT = "vsf_drake tuning 1"
-HOLDING = ("consistency", "deviation")
-"""Terms of a cost that only hold it to the recording, by name: what they add says nothing of the person's gain."""
+HOLDING = ("consistency", "normal", "smooth")
+"""Terms of a cost that only hold it to the recording or to able-bodied walking, by name: what they add says nothing of
+the person's gain."""
 
 
 @dataclass(frozen=True)

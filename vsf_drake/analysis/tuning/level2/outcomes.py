@@ -6,15 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vsf_drake.analysis.published import direction, published_effects
+from vsf_drake.analysis.published import LEAST_CHANGE, published_effects
 from vsf_drake.analysis.tuning.level2.stride import Stride
 from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.simulation.sagittal.model import SOCKET
 
 KINDS = {
     "push_off_work": ("push-off work on the residual limb", "J/kg"),
-    "push_off_power": ("largest power on the residual limb", "W/kg"),
+    "push_off_power": ("largest power of the prosthesis on its socket", "W/kg"),
     "stored_energy": ("largest energy in keel and support", "J"),
+    "returned_energy": ("positive work of the prosthesis on its socket over stance", "J"),
     "dorsiflexion": ("largest turn of the keel's end, toe up", "deg"),
     "ankle_moment": ("largest moment at the pylon's end that turns the toe up", "N m/kg"),
     "prosthetic_first_peak": ("prosthetic first peak of the vertical force", "BW"),
@@ -24,10 +25,11 @@ KINDS = {
     "prosthetic_hip_moment": ("peak prosthetic hip moment, either sign", "N m/kg"),
     "prosthetic_knee_moment": ("peak prosthetic knee moment, either sign", "N m/kg"),
     "knee_flexor_moment": ("largest prosthetic knee flexor moment late in stance", "N m/kg"),
-    "knee_extension": ("least prosthetic knee flexion late in stance, negative", "deg"),
+    "knee_extension": ("least prosthetic knee flexion late in stance, negative, by markers on the socket", "deg"),
     "socket_moment": ("peak moment on the residual limb", "N m/kg"),
     "metabolic": ("joint-work estimate of metabolic energy, over the recorded stride's length", "J/kg"),
     "joint_load": ("squared joint and socket load", "1"),
+    "activation": ("squared activations of the muscles", "1"),
     "stride_time": ("time of a stride", "s"),
     "stride_length": ("length of a stride", "m"),
     "motion_change": ("root mean square change of the joint angles", "deg"),
@@ -37,9 +39,8 @@ SIGNS_OF = "Nichols 2023"
 """The source, in the table of published effects, whose signs were measured on the variable-stiffness foot itself."""
 MEASURES = {"dorsiflexion": "dorsiflexion", "plantarflexor moment": "ankle_moment", "knee extension": "knee_extension",
             "knee flexor moment": "knee_flexor_moment", "push-off power": "push_off_power",
-            "energy stored": "stored_energy"}
-"""Its measures, and the outcome that stands for each. Energy returned is not among them: keel and support hold nothing
-in swing, so that it would be what was stored once more."""
+            "energy stored": "stored_energy", "energy returned": "returned_energy"}
+"""Its measures, and the outcome that stands for each."""
 
 
 def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
@@ -67,7 +68,13 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
     pylon = model.dynamics.link[n + k + 1]
     moment = column("prosthetic_my") - (motion.z[pylon] * column("prosthetic_fx")
                                         - motion.x[pylon] * column("prosthetic_fz"))
-    turn = last.z[:, layout.w][:, len(SOCKET):] @ model.support.signs
+    w = last.z[:, layout.w]
+    turn = w[:, len(SOCKET):] @ model.support.signs
+
+    # A laboratory's markers are on the socket: what it calls shank turns with it against the residual limb.
+    wrench = np.stack([column(f"prosthetic_{part}") for part in ("my", "fx", "fz")])
+    power = np.einsum("cn,cn->n", wrench, motion.V[:, model.socket])
+    socket_bends = model.socket_bends * w[:, SOCKET.index("socket_flexion")]
 
     _, _, _, hip_p, knee_p, _, knee_i, _ = layout.coordinates
     late = reference.late & reference.stance["prosthetic"]
@@ -77,22 +84,32 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
     pace = float(last.p[-1])
     return {
         "push_off_work": -pace * stride.value("push_off", y), "stored_energy": float(column("stored_energy").max()),
-        "push_off_power": float(column("prosthesis_power")[late].max() / mass),
+        "push_off_power": float(power[late].max() / mass),
+        "returned_energy": pace * float(stride.grid.weights @ np.maximum(power, 0.0)),
         "dorsiflexion": float(np.degrees(turn.max())), "ankle_moment": float(-moment.min() / mass),
         "prosthetic_first_peak": peak("prosthetic", False), "prosthetic_second_peak": peak("prosthetic", True),
         "intact_first_peak": peak("intact", False), "intact_knee_moment": largest(f"torque_{knee_i}"),
         "prosthetic_hip_moment": largest(f"torque_{hip_p}"), "prosthetic_knee_moment": largest(f"torque_{knee_p}"),
         "knee_flexor_moment": float(column(f"torque_{knee_p}")[late].max() / mass),
-        "knee_extension": float(-np.degrees(column(f"q_{knee_p}")[late].min())),
+        "knee_extension": float(-np.degrees((column(f"q_{knee_p}") + socket_bends)[late].min())),
         "socket_moment": largest("force_socket_flexion"), "metabolic": stride.value("metabolic", y),
-        "joint_load": stride.value("joint_load", y), "stride_time": pace * stride.grid.duration_s,
-        "stride_length": pace * stride.recorded.advance_m, "motion_change": float(np.sqrt(np.mean(change**2))),
+        "joint_load": stride.value("joint_load", y), "activation": stride.value("activation", y),
+        "stride_time": pace * stride.grid.duration_s,
+        "stride_length": pace * stride.advance_m, "motion_change": float(np.sqrt(np.mean(change**2))),
         "force_change": float(np.sqrt(max(force)) / weight) if force else float("nan")}
 
 
 def published_signs(strides: Sequence[dict[str, float]]) -> dict[str, bool | None]:
-    """By measure of SIGNS_OF, whether outcomes from the softest to the stiffest setting have the published sign; None
-    where they have none."""
-    found = {effect.measure: (effect.effect, direction([[row[MEASURES[effect.measure]]] for row in strides]))
-             for effect in published_effects() if effect.source == SIGNS_OF and effect.measure in MEASURES}
-    return {measure: None if not own else own == sign for measure, (sign, own) in found.items()}
+    """By measure of SIGNS_OF, whether outcomes of evenly spaced settings, softest first, have the published sign.
+
+    The source gives regressions over its settings: the sign is that of the straight line nearest to the outcomes, None
+    where that changes by less than LEAST_CHANGE of its larger end. What lies between the ends may go another way.
+    """
+    found = {}
+    for effect in published_effects():
+        if effect.source == SIGNS_OF and effect.measure in MEASURES:
+            slope, middle = np.polyfit(np.linspace(-0.5, 0.5, len(strides)),
+                                       [row[MEASURES[effect.measure]] for row in strides], 1)
+            little = abs(slope) <= LEAST_CHANGE * (abs(middle) + 0.5 * abs(slope))
+            found[effect.measure] = None if little else ("+" if slope > 0.0 else "-") == effect.effect
+    return found

@@ -1,4 +1,5 @@
-"""What a stride is held against: what was recorded or, once that is tracked, the possible motion nearest to it.
+"""What a stride is held against: what was recorded or, once that is tracked, the possible motion nearest to it; and
+able-bodied walking.
 
 No recording is a possible motion of the sagittal model: what the plates measured is not what its masses need, by some
 percent of body weight. Held to that, a free fulcrum is moved to make up for it. Held to the tracked stride, whose
@@ -13,12 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from vsf_drake.analysis.tuning.level2.normal import ANGLES, FORCES, NormalGait, without_side
+from vsf_drake.analysis.tuning.recorded_projection import TILT, TX, TY
 from vsf_drake.analysis.tuning.recorded_stride import RecordedStride
 from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.solution import TrajectorySolution, resampled
+from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
 
 SWING_MIDDLE = (0.3, 0.7)  # share of a swing in which the foot must clear the ground
 FEET = ("prosthetic", "intact")
+NORMAL_LATE, LOADED_BW = 0.5, 0.05  # shares of a stance, of body weight, that able-bodied walking is cut by (choices)
+SUNK_M, HEIGHT_HARMONICS = 0.005, 4  # how far a foot that stands is in the ground at first, smoothed over the stride
 LOADED_N = 1.0  # below, a centre of pressure says nothing (a choice)
 
 
@@ -84,3 +90,46 @@ def consistent_reference(recorded: StrideReference, solution: TrajectorySolution
     return dataclasses.replace(
         recorded, q=z[:, layout.q], v=z[:, layout.v], a=z[:, layout.a], force=force, cop_x=cop, moment=moment,
         known={foot: np.ones(grid.instants, dtype=bool) for foot in force})
+
+
+def normal_reference(gait: NormalGait, model: SagittalModel, grid: Grid, advance_m: float, tilt_rad: float
+                     ) -> StrideReference:
+    """Able-bodied walking of a person with this mean tilt of the pelvis, the prosthetic foot's strike at 0, the other's
+    half a stride later; the pelvis at a steady speed, as high as puts the lower foot on the ground."""
+    phase = grid.times_s / grid.duration_s
+    phases = {"prosthetic": phase, "intact": (phase - 0.5) % 1.0}
+    other = "l" if model.subject.prosthetic_side == "right" else "r"
+    q, v, a = (np.zeros((grid.instants, len(model.coordinates))) for _ in range(3))
+    for i, name in enumerate(model.coordinates):
+        if (kind := without_side(name)) in ANGLES:
+            quantity, sign = ANGLES[kind]
+            own = phases["intact" if name.endswith(f"_{other}") else "prosthetic"]
+            for rank, values in enumerate((q, v, a)):
+                values[:, i] = sign * np.radians(gait.at(quantity, own, rank)) / grid.duration_s**rank
+    lean = tilt_rad - q[:, TILT].mean()
+    q[:, TILT] += lean
+    hips = [i for i, name in enumerate(model.coordinates) if name.startswith("hip_flexion")]
+    q[:, hips] -= lean
+    v[:, TX] = advance_m / grid.duration_s
+    q[:, TX] = v[:, TX] * grid.times_s
+
+    # Set down: of the soles' height the slow part, with its derivatives.
+    still = np.zeros((len(model.quasi_static), grid.instants))
+    y = model.evaluate(q.T, v.T, a.T, still, still, np.repeat(np.eye(len(DESIGN))[1][:, None], grid.instants, 1),
+                       Smoothing())
+    height = SUNK_M + np.min([y[model.outputs.index(f"{foot}_sole")] for foot in FEET], axis=0)
+    turn = 2.0j * np.pi * np.fft.rfftfreq(grid.instants, grid.duration_s / grid.instants)
+    slow = np.fft.rfft(-height) * (np.arange(len(turn)) <= HEIGHT_HARMONICS)
+    for rank, values in enumerate((q, v, a)):
+        values[:, TY] = np.fft.irfft(slow * turn**rank, grid.instants)
+
+    force = {foot: np.column_stack([gait.at(name, own) for name in FORCES]) for foot, own in phases.items()}
+    stance = {foot: own[:, 1] > LOADED_BW for foot, own in force.items()}
+    ends = {foot: phases[foot][stance[foot]].max() for foot in FEET}
+    swing = {foot: (phases[foot] - end) / (1.0 - end) for foot, end in ends.items()}
+    nothing, never = np.zeros(grid.instants), np.zeros(grid.instants, dtype=bool)
+    return StrideReference(
+        q=q, v=v, a=a, force={foot: model.weight * own for foot, own in force.items()},
+        cop_x=dict.fromkeys(FEET, nothing), moment=dict.fromkeys(FEET, nothing), known=dict.fromkeys(FEET, never),
+        stance=stance, late=stance["prosthetic"] & (phase >= NORMAL_LATE * ends["prosthetic"]),
+        clear={foot: (share >= SWING_MIDDLE[0]) & (share <= SWING_MIDDLE[1]) for foot, share in swing.items()})

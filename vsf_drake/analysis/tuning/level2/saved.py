@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,11 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
         robustness=tuple(
             t.ChangedOptimum(what, position_mm(s) if s.success else None, s.last_cost if s.success else None)
             for what, s in (*((f"drawn contact {i + 1}", s) for i, (s, _) in enumerate(result.drawn)),
-                            *((f"weight {held.weight:g} of the hold", held.free) for held in result.held))),
+                            *((f"weight {held.weight:g} of able-bodied walking", held.free) for held in result.held))),
         trials=(tuning.label,), recorded_mm=(stride.own_m / MM,), synthetic=tuning.trial.synthetic,
-        notes=(*say("stride", "limits"), *stride.recorded.notes,
+        notes=(*(() if tuning.options.speed_m_per_s is None else say(
+                   "stride", "speed", asked=tuning.options.speed_m_per_s, recorded=tuning.stride.speed)),
+               *say("stride", "limits"), *tuning.recorded.notes,
                *say("stride", "sweep", lost=lost, different=len(different), count=len(result.sweep))),
         wall_s=result.wall_s,
         provenance=t.Provenance(options=to_plain(tuning.options), **provenance(tuning.trial.inputs))))
@@ -105,11 +108,14 @@ def _outcomes(result: StrideSolution) -> list[t.Outcome]:
 
 
 def as_good(result: StrideSolution) -> tuple[float, float] | None:
-    """Between which positions the optimum may be: fixed ones whose cost is as good as the least, and the ends of all
-    searches with the fulcrum free, from every start, with every drawn contact and every weight of the deviation."""
+    """Between which positions the optimum may be: fixed ones, and those between them, whose cost is as good as the
+    least, and the ends of all searches with the fulcrum free, from every start, with every drawn contact and every
+    weight of able-bodied walking."""
     if not result.solved or result.best is None:
         return None
     most = result.best.last_cost + LITTLE * abs(result.best.last_cost)
-    near = [mm for mm, solution in result.solved if solution.last_cost <= most]
+    over = [(mm, solution.last_cost - most) for mm, solution in result.solved]
+    near = [mm for mm, more in over if more <= 0.0]
+    near += [(a * d - b * c) / (d - c) for (a, c), (b, d) in pairwise(over) if c * d < 0.0]  # where it is as much
     near += [position_mm(solution) for solution in result.asked_again if solution.success]
     return min(near), max(near)

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.tuning import table as t
-from vsf_drake.analysis.tuning.common import Progress, TuningCheck, check_cost
+from vsf_drake.analysis.tuning.common import FREE_COSTS, Progress, TuningCheck, check_cost
+from vsf_drake.analysis.tuning.level2.normal import normal_gait
 from vsf_drake.analysis.tuning.level2.stride import MM, PACE, Stride, StrideOptions
+from vsf_drake.analysis.tuning.recorded_projection import TILT
 from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
 from vsf_drake.collocation import sqp
 from vsf_drake.collocation.problem import Grid
@@ -21,14 +23,18 @@ from vsf_drake.motion.trial import Trial
 from vsf_drake.simulation.sagittal.model import SagittalModel
 from vsf_drake.simulation.walk import Walker
 
+NEAR_ENOUGH = {"violation": 1e-6, "optimality": 2e-3, "gain": 1e-5}
+"""Where a search for another cost than tracking ends: the last part of a thousand of a cost takes most of its time."""
 PASSES = ("cold", "upward", "downward")
+OUTWARD = ("outward",)  # from the position nearest to the recorded one, each from the neighbour before
 
 
 class StrideTuning:
     """The fulcrum's position, and design variables, that with the best motion for them minimise a cost.
 
     InputError: there is not exactly one trial, its fitted contact applied; the recording holds no whole stride, or no
-    plate of the prosthetic foot; the prosthesis is turned out of the sagittal plane; the range is out of reach.
+    plate of the prosthetic foot; the prosthesis is turned out of the sagittal plane; the range is out of reach;
+    nothing was published of able-bodied walking at the speed.
     """
 
     def __init__(
@@ -38,15 +44,21 @@ class StrideTuning:
         if len(trials) != 1:
             raise InputError(f"{len(trials)} trials are given", where="trials",
                              right="A free motion is solved for one recorded stride at a time: give one")
-        self.trial, self.cost, self.options = trials[0], check_cost(cost), options or StrideOptions()
+        self.trial, self.cost, self.options = trials[0], check_cost(cost, FREE_COSTS), options or StrideOptions()
         self.label = labels[0] if labels else self.trial.name
         self.walker = Walker(self.trial.subject, self.trial.model)
-        recorded, body = recorded_stride(self.trial, self.walker), self.walker.gait.person.body
+        self.recorded, body = recorded_stride(self.trial, self.walker), self.walker.gait.person.body
+        recorded = self.recorded
+        grid = Grid(method=self.options.method, intervals=self.options.intervals, duration_s=recorded.period_s,
+                    periodic=True)
         self.stride = Stride(
             model=SagittalModel(self.walker, offsets=self.trial.offsets), recorded=recorded,
-            own_m=self.trial.fulcrum_m, leg_m=body.thigh_length + body.shank_length, options=self.options,
-            grid=Grid(method=self.options.method, intervals=self.options.intervals, duration_s=recorded.period_s,
-                      periodic=True), smoothing=self.options.stages[-1])
+            own_m=self.trial.fulcrum_m, leg_m=body.thigh_length + body.shank_length,
+            hip_height_m=body.leg_length, advance_m=recorded.advance_m, options=self.options,
+            grid=grid, tilt_rad=float(recorded.sample(grid.times_s)[0][:, TILT].mean()),
+            smoothing=self.options.stages[-1])
+        speed = self.options.speed_m_per_s
+        normal_gait(self.stride.speed if speed is None else speed, self.stride.hip_height_m)  # InputError out of reach
         low, high = self.stride.reach_mm
         fulcrum = self.trial.model.foot.fulcrum
         if not fulcrum.rearmost_m / MM - 1e-6 <= low < high <= fulcrum.foremost_m / MM + 1e-6:
@@ -96,9 +108,10 @@ class StrideSearch:
             if self.progress:
                 self.progress(f"{what}, iteration {iteration.number}, cost {iteration.cost:.5g}", fraction)
 
-        return sqp.solve(stride.problem(stride.minimised(self.cost, self.sizes), fulcrum_mm, free), start,
-                         sqp.CollocationOptions(iterations=options.iterations, time_limit_s=options.time_limit_s),
-                         report)
+        ends = {} if self.cost == "tracking" else NEAR_ENOUGH
+        return sqp.solve(
+            stride.problem(stride.minimised(self.cost, self.sizes), fulcrum_mm, free), start, sqp.CollocationOptions(
+                iterations=options.iterations, time_limit_s=options.time_limit_s, **ends), report)
 
 
 def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None = None) -> TrajectorySolution:
@@ -117,14 +130,18 @@ def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None
 
 
 def swept(search: StrideSearch, tracked_stride: Start, rows: list[Fixed], *, chains: bool) -> None:
-    """Fills `rows` from a cold start, and with `chains` from the neighbours on both sides."""
+    """Fills `rows` outward from the recorded setting or, with `chains`, each from the tracked stride and from the
+    neighbours on both sides."""
     rows[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
-    passes = PASSES if chains else PASSES[:1]
+    passes = PASSES if chains else OUTWARD
+    own = int(np.argmin([abs(row.fulcrum_mm - search.stride.own_m / MM) for row in rows]))
+    orders = {"cold": rows, "upward": rows, "downward": rows[::-1], "outward": rows[own:] + rows[own::-1]}
     for number, kind in enumerate(passes):
         before: TrajectorySolution | None = None
-        for done, row in enumerate(reversed(rows) if kind == "downward" else rows):
-            start = tracked_stride if kind == "cold" else None if before is None else before.last
-            if start is not None:
+        for done, row in enumerate(orders[kind]):
+            cold = kind == "cold" or (kind == "outward" and before is None)
+            start = tracked_stride if cold else None if before is None else before.last
+            if start is not None and not (kind == "outward" and kind in row.tried):
                 fraction = (number * len(rows) + done) / (len(passes) * len(rows))
                 solution = unless_interrupted(
                     search.at(row.fulcrum_mm, start, f"{row.fulcrum_mm:.0f} mm, {kind} start", fraction))
@@ -143,7 +160,7 @@ def unless_interrupted(solution: TrajectorySolution) -> TrajectorySolution:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """The best strides with another weight of the deviation."""
+    """The best strides with another weight of able-bodied walking."""
 
     weight: float
     over: tuple[TrajectorySolution, ...]  # at the softest, a middle and the stiffest setting that the sweep solved
@@ -163,7 +180,7 @@ class StrideSolution:
     confirmed: list[t.Confirmation] = field(default_factory=list)  # by other solvers
     simulated: dict[str, np.ndarray] = field(default_factory=dict)
     drawn: list[tuple[TrajectorySolution, Stride]] = field(default_factory=list)  # the optimum with drawn contacts
-    held: list[Held] = field(default_factory=list)  # with other weights of the deviation
+    held: list[Held] = field(default_factory=list)  # with other weights of able-bodied walking
     message: str = ""  # how it ended
     doing: str = "tracking the recording"  # what it was at last
     wall_s: float = 0.0

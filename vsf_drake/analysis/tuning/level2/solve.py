@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.tuning import table as t
-from vsf_drake.analysis.tuning.common import COSTS, Progress, TuningCheck
+from vsf_drake.analysis.tuning.common import FREE_COSTS, Progress, TuningCheck
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
 from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, outcomes, published_signs
 from vsf_drake.analysis.tuning.level2.search import (
@@ -36,7 +36,7 @@ from vsf_drake.simulation.sagittal.model import SagittalModel
 ANGLE_DEG, FORCE_BW = 2.0, 0.06  # what a tracked stride may differ from its recording by, root mean square (a choice)
 VIOLATION, STARTS_MM = 1e-6, 1.0
 FOUND_MM = 10.0  # how near to its own position a consistent stride, tracked with the fulcrum free, must end (a choice)
-SIGNS_LABEL = "signs as published of the variable-stiffness foot, at the worst weight of the deviation"
+SIGNS_LABEL = "signs as published of the variable-stiffness foot, at the worst weight of able-bodied walking"
 
 
 def solve(
@@ -65,13 +65,14 @@ def solve(
 
 def _search(result: StrideSolution, progress: Progress | None) -> str:
     """Fills `result`; returns how it ended."""
-    options, search = result.tuning.options, result.search
+    tuning, search = result.tuning, result.search
+    options = tuning.options
     if not unless_interrupted(result.tracked).success:
         return f"the recorded stride could not be tracked: {result.tracked.message}"
-    search.sizes = {name: search.stride.value(name, result.tracked.y()) for name in COSTS}
-    search.stride = dataclasses.replace(search.stride, consistent=result.tracked)
+    search.sizes = {name: search.stride.value(name, result.tracked.y()) for name in FREE_COSTS}
+    search.stride, start = _to_solve(tuning, search.stride, result.tracked)
     result.doing = "sweeping the fulcrum"
-    swept(search, result.tracked.last, result.sweep, chains=options.confirm != ())
+    swept(search, start, result.sweep, chains=options.confirm != ())
     if not result.solved:
         return "no fixed position of the fulcrum could be solved"
     result.doing = "searching with the fulcrum free"
@@ -90,6 +91,12 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
             progress(f"confirming with {solver}", 0.9)
         result.confirmed.append(_confirmed(result.best, solver, options.time_limit_s))
     return "first-order conditions hold"
+
+
+def _to_solve(tuning: StrideTuning, recorded: Stride, tracked: TrajectorySolution) -> tuple[Stride, Start]:
+    """The consistent stride, or that at the speed asked for, and a start."""
+    stride, speed = dataclasses.replace(recorded, consistent=tracked), tuning.options.speed_m_per_s
+    return (stride, tracked.last) if speed is None else stride.at_speed(speed, tracked.last)
 
 
 def _spread(good: list[tuple[float, TrajectorySolution]], count: int) -> list[tuple[float, TrajectorySolution]]:
@@ -114,8 +121,8 @@ def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
         own = unless_interrupted(tracked(drawn_stride, warm=result.tracked.last))
         other = StrideSearch(drawn_stride, tuning.cost, progress=result.search.progress)
         if own.success:
-            other.sizes = {name: drawn_stride.value(name, own.y()) for name in COSTS}
-            other.stride = dataclasses.replace(drawn_stride, consistent=own)
+            other.sizes = {name: drawn_stride.value(name, own.y()) for name in FREE_COSTS}
+            other.stride = _to_solve(tuning, drawn_stride, own)[0]
             solution = other.free(best.last, f"drawn contact {i + 1} of {len(drawn)}", i / len(drawn))
         else:
             solution = own
@@ -124,12 +131,13 @@ def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
 
 
 def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
-    """The best strides with other weights of the deviation, and whether stiffness has the published signs with each."""
+    """The best strides with other weights of able-bodied walking, and whether stiffness has the published signs with
+    each."""
     search, options, stride = result.search, result.tuning.options, result.search.stride
     if result.tuning.cost != "tracking":
         for factor in options.hold_factors:
-            weight = factor * options.deviation_weight
-            other = search.changed(options=dataclasses.replace(options, deviation_weight=weight))
+            weight = factor * options.normal_weight
+            other = search.changed(options=dataclasses.replace(options, normal_weight=weight))
             over = tuple(unless_interrupted(other.at(mm, solution.last, f"weight {weight:g}, {mm:.0f} mm", 0.85))
                          for mm, solution in result.settings)
             free = unless_interrupted(other.free(best.last, f"weight {weight:g}", 0.88))
@@ -137,7 +145,7 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
     if len(result.settings) < 3 or not all(solution.success for held in result.held for solution in held.over):
         result.checks.append(TuningCheck("signs", SIGNS_LABEL, None, "", None, None, say("stride", "no_signs")[0]))
         return
-    rows = [(options.deviation_weight, tuple(solution for _, solution in result.settings)),
+    rows = [(options.normal_weight, tuple(solution for _, solution in result.settings)),
             *((held.weight, held.over) for held in result.held)]
     signs = {weight: published_signs([outcomes(solution, stride) for solution in over]) for weight, over in sorted(
         rows, key=lambda row: row[0])}
@@ -186,9 +194,10 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
             result.simulated |= run.arrays()
     if not tuning.options.confirm:
         return
-    for mm, end in (result.solved[0], result.solved[-1]):
-        found = unless_interrupted(
-            dataclasses.replace(search, cost="tracking").free(end.last, f"tracked from {mm:.0f} mm", 0.55))
+    again = StrideSearch(dataclasses.replace(tuning.stride, consistent=result.tracked), "tracking", progress=progress)
+    for mm in (result.solved[0][0], result.solved[-1][0]):
+        held = again.at(mm, result.tracked.last, f"tracked at {mm:.0f} mm", 0.55)
+        found = unless_interrupted(again.free(held.last, f"tracked from {mm:.0f} mm", 0.55))
         off = position_mm(found) - stride.own_m / MM if found.success else None
         add(f"found_from_{mm:.0f}", f"consistent stride, tracked from {mm:.0f} mm", off, "mm", f"<= {FOUND_MM:g}",
             off is not None and abs(off) <= FOUND_MM, part="found", mm=mm, off=off, message=found.message)
