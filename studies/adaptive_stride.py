@@ -1,59 +1,145 @@
 """What a stride that adapts (level 2 of a tuning) can be believed in, on the embedded walks (SYNTHETIC).
 
-    found     a recorded stride is made consistent at its own fulcrum; tracked with the fulcrum free, from three
-              starts, does it find that position? And the recording itself?
-    costs     of a stride at each setting, for each cost: how long a search takes, and how far the full model is from it
-    signs     which published signs stiffness has, for each weight of the hold and each setting of the recording
+    able_bodied  walking of an able-bodied person with the same model at three speeds, against published bands, for each
+                 weight of able-bodied walking: the least that meets them all is `StrideOptions.normal_weight`
+    found        a recorded stride is made consistent at its own fulcrum; tracked with the fulcrum free, from three
+                 starts, does it find that position? And the recording itself?
+    costs        of a stride at each setting, for each cost: how long a search takes, and how far the full model is off
+    starts       where searches from three settings end, fulcrum free
+    speeds       nine positions at each of three speeds, and with the fulcrum free
+    signs        which published signs stiffness has, for each weight and each setting of the recording
 
-The results are in studies/results/adaptive_stride.json; the whole takes some fifteen minutes.
+The results are in studies/results/adaptive_stride.json; the whole takes some twenty minutes.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import dataclasses
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from floor_of_the_reference_subject import RESULTS
 
-from vsf_drake.analysis.tuning.common import COSTS
+from vsf_drake.analysis.tuning.common import FREE_COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning
 from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, outcomes, published_signs
 from vsf_drake.analysis.tuning.level2.search import StrideSearch, position_mm, tracked
-from vsf_drake.analysis.tuning.level2.stride import MM
+from vsf_drake.analysis.tuning.level2.stride import MM, Stride
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, resimulate_with_feedback
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.analysis.validation import embedded_contact, embedded_trials
-from vsf_drake.collocation.solution import TrajectorySolution
+from vsf_drake.collocation.problem import Grid
+from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
 from vsf_drake.contact_file import load_contact
 from vsf_drake.files import plain, write_json
 from vsf_drake.motion.fitted_trial import trial_with
-from vsf_drake.motion.trial import load_trial
+from vsf_drake.motion.trial import Trial, load_trial
 from vsf_drake.simulation.archive import provenance
+from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
+from vsf_drake.simulation.walk import Walker
 
+BANDS = Path(__file__).resolve().parents[1] / "data" / "published" / "walking_bands.csv"
 COARSE, FINE = 20, 40  # intervals, of the searches that are many and of those that the full model carries out
 STARTS_MM = (66.0, 108.0, 151.0)
-WEIGHTS = (0.125, 0.5, 2.0)
-SHOWN = ("stored_energy", "push_off_work", "push_off_power", "dorsiflexion", "ankle_moment",
-         "knee_extension", "knee_flexor_moment", "intact_first_peak", "metabolic", "stride_time")
+POSITIONS = 9
+SPEEDS = (0.9, 1.1, 1.4)  # m/s
+TRIED = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0)  # weights of able-bodied walking, of which one is chosen
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the chosen one, for the signs
+SOFT = Smoothing(depth_m=6e-3, rate_m_per_s=0.1, friction_velocity_m_per_s=0.2)  # for a first stride without any known
+SDS = 2.0  # standard deviations between persons within which a peak is able-bodied (a choice)
+SHOWN = ("stored_energy", "returned_energy", "push_off_work", "push_off_power", "dorsiflexion", "ankle_moment",
+         "knee_extension", "knee_flexor_moment", "intact_first_peak", "metabolic", "activation", "stride_time")
+
+
+def exact(path: Path) -> Trial:
+    """A trial with the contact that was fitted to it."""
+    return trial_with(load_trial(path), load_contact(embedded_contact("exact")))
+
+
+def able_bodied(trial: Trial, weights: tuple[float, ...]) -> dict[str, Any]:
+    """Strides of the person with two intact legs, for the largest weight first: by weight and speed, each with the
+    bands that it is held against."""
+    walker = Walker(trial.subject, trial.model)
+    body, model = walker.gait.person.body, SagittalModel(walker, able_bodied=True)
+    rows: dict[str, Any] = {}
+    for speed in SPEEDS:
+        bands = _bands(speed)
+        time_s = sum(bands["stride_time"]) / 2.0
+        stride = Stride(
+            model=model, recorded=None, advance_m=speed * time_s, tilt_rad=0.0, own_m=trial.fulcrum_m,
+            leg_m=body.thigh_length + body.shank_length, hip_height_m=body.leg_length,
+            options=StrideOptions(intervals=FINE),
+            grid=Grid(intervals=FINE, duration_s=time_s), smoothing=SOFT)
+        before: Start | None = None
+        for weight in sorted(weights, reverse=True):
+            search = StrideSearch(stride, "activation").changed(options=StrideOptions(
+                intervals=FINE, normal_weight=weight))
+            if before is None:
+                before = search.at(trial.fulcrum_m / MM, stride.start(trial.fulcrum_m / MM), "soft").last
+            search = search.changed(smoothing=stride.options.stages[-1])
+            began = time.perf_counter()
+            solution = search.at(trial.fulcrum_m / MM, before, "able-bodied")
+            before = solution.last
+            row: dict[str, Any] = _measured(search.stride, solution) | {
+                "status": solution.status, "wall_s": time.perf_counter() - began}
+            force = stride.able_bodied.force["prosthetic"][:, 1] / model.weight
+            sd = SDS * stride.gait.sd["force_up"]
+            peaks = {name: (peak - sd, peak + sd) for name, peak in zip(("first_peak", "second_peak"), _peaks(force),
+                                                                       strict=True)}
+            row["bands"] = bands | peaks
+            row["within"] = solution.success and all(low <= row[name] <= high
+                                                     for name, (low, high) in row["bands"].items())
+            rows.setdefault(f"{weight:g}", {})[f"{speed:g}"] = row
+    met = [float(weight) for weight, own in rows.items() if all(row["within"] for row in own.values())]
+    return {"weights": rows, "least_that_meets_all": min(met) if met else None}
+
+
+def _bands(speed: float) -> dict[str, tuple[float, float]]:
+    """Of able-bodied adults, from data/published/walking_bands.csv."""
+    lines = [line for line in BANDS.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    bands = {}
+    for row in csv.DictReader(lines):
+        if row["side"] == "able-bodied" and row["quantity"] in ("stride_time", "step_length"):
+            low, _, high = row["speed_m_per_s"].partition(" to ")
+            if float(low) <= speed <= float(high):
+                bands[row["quantity"]] = float(row["low"]), float(row["high"])
+    return bands
+
+
+def _peaks(force: np.ndarray) -> tuple[float, float]:
+    """Of the first 30 % of the stride, and of the rest of stance."""
+    early = round(0.3 * len(force))
+    return float(force[:early].max()), float(force[early:].max())
+
+
+def _measured(stride: Stride, solution: TrajectorySolution) -> dict[str, float]:
+    y, pace = solution.last_y(), float(solution.last.p[-1])
+    first, second = _peaks(y[:, stride.function.index("prosthetic_fz")[0]] / stride.model.weight)
+    return {"stride_time": pace * stride.grid.duration_s, "step_length": 0.5 * pace * stride.advance_m,
+            "first_peak": first, "second_peak": second,
+            "ankle_power_w_per_kg": float(y[:, stride.function.index("prosthesis_power")[0]].max()
+                                          / stride.model.subject.mass_kg)}
 
 
 class Recorded:
     """One trial's stride, consistent, and what its costs are there."""
 
     def __init__(self, path: Path, intervals: int) -> None:
-        trial = trial_with(load_trial(path), load_contact(embedded_contact("exact")))
+        trial = exact(path)
         began = time.perf_counter()
         self.tuning = StrideTuning([trial], cost="tracking", options=StrideOptions(intervals=intervals))
         self.recording, self.solution = self.tuning.stride, tracked(self.tuning.stride)
         self.wall_s = time.perf_counter() - began
         self.stride = dataclasses.replace(self.recording, consistent=self.solution)
-        self.sizes = {name: self.recording.value(name, self.solution.y()) for name in COSTS}
+        self.sizes = {name: self.recording.value(name, self.solution.y()) for name in FREE_COSTS}
 
     def search(self, cost: str, **options: Any) -> StrideSearch:
         search = StrideSearch(self.stride, cost, self.sizes)
@@ -73,14 +159,21 @@ def found(one: Recorded) -> dict[str, Any]:
                 "deviation", one.solution.y()), "errors": one.recording.recorded.errors}
 
 
-def carried_out(one: Recorded, cost: str) -> dict[str, Any]:
-    """The stride with the least of a cost, and what the full model makes of it, in percent of body weight."""
+def carried_out(coarse: Recorded, fine: Recorded, cost: str) -> dict[str, Any]:
+    """The stride with the least of a cost, and what the full model makes of it, in percent of body weight: searched on
+    the coarse grid with the fulcrum fixed, then free, then on the fine grid from there."""
     began = time.perf_counter()
-    solution = one.solution if cost == "tracking" else one.search(cost).free(one.solution.last, "free")
-    row: dict[str, Any] = {"status": solution.status, "fulcrum_mm": position_mm(solution),
-                           "wall_s": one.wall_s if cost == "tracking" else time.perf_counter() - began}
+    if cost == "tracking":
+        solution, wall_s = fine.solution, fine.wall_s
+    else:
+        search = coarse.search(cost)
+        fixed = search.at(coarse.recording.own_m / MM, coarse.solution.last, "own")
+        free = search.free(fixed.last, "free")
+        solution = fine.search(cost).free(resampled(free, fine.stride.grid), "fine")
+        wall_s = time.perf_counter() - began
+    row: dict[str, Any] = {"status": solution.status, "fulcrum_mm": position_mm(solution), "wall_s": wall_s}
     if solution.success:
-        row |= _resimulated(one, solution)
+        row |= _resimulated(fine, solution)
     return row
 
 
@@ -94,16 +187,56 @@ def _resimulated(one: Recorded, solution: TrajectorySolution) -> dict[str, Any]:
             "feedback_percent_bw": None if driven.fell else driven.percent_bw, "feedback_share": driven.feedback.share}
 
 
+def starts(one: Recorded) -> dict[str, Any]:
+    """Searches with the fulcrum free that begin at three settings."""
+    search = one.search("activation")
+    ends = [search.free(search.at(mm, one.solution.last, "fixed").last, "free") for mm in STARTS_MM]
+    return {"status": [end.status for end in ends], "fulcrum_mm": [position_mm(end) for end in ends],
+            "cost": [end.last_cost for end in ends]}
+
+
+def speeds(one: Recorded) -> dict[str, Any]:
+    """By speed, the least costs over the fulcrum, each position warm from the one before, and the best position."""
+    began, search, own = time.perf_counter(), one.search("activation"), one.recording.own_m / MM
+    base, rows = search.at(own, one.solution.last, "recorded speed"), {}
+    for speed in SPEEDS:
+        stride, start = search.stride.at_speed(speed, base.last)
+        there, found = dataclasses.replace(search, stride=stride), {}
+        positions = np.linspace(*stride.reach_mm, POSITIONS)
+        middle = int(np.argmin(np.abs(positions - own)))
+        for order in (range(middle, POSITIONS), range(middle - 1, -1, -1)):
+            before = start if order.start == middle else found[middle].last
+            for i in order:
+                found[i] = there.at(positions[i], before, "fixed")
+                before = found[i].last
+        free = there.free(min(found.values(), key=lambda end: end.last_cost).last, "free")
+        rows[f"{speed:g}"] = {
+            "status": [found[i].status for i in range(POSITIONS)],
+            "cost": [found[i].last_cost for i in range(POSITIONS)],
+            "fulcrum_mm": position_mm(free) if free.success else None, "least": free.last_cost,
+            "outcomes": {name: outcomes(free, stride)[name] for name in SHOWN}}
+    return {"positions_mm": positions, "wall_s": time.perf_counter() - began, "speeds": rows}
+
+
 def signs(one: Recorded, cost: str, weight: float) -> dict[str, Any]:
-    """The best strides at three settings and with the fulcrum free, with one weight of the hold."""
-    search = one.search(cost, deviation_weight=weight)
-    over = [search.at(mm, one.solution.last, "fixed") for mm in STARTS_MM]
-    free = search.free(over[1].last, "free")
+    """The best strides at three settings and with the fulcrum free, with one weight of able-bodied walking; each
+    setting is searched from its own start and from the strides of the others, since strides with a straighter and with
+    a more bent knee are optima both."""
+    search = one.search(cost, normal_weight=weight)
+    own = search.at(one.recording.own_m / MM, one.solution.last, "own")
+    first = [search.at(mm, own.last, "fixed") for mm in STARTS_MM]
+    over, ends = [], []
+    for mm, start in zip(STARTS_MM, first, strict=True):
+        found = [start, *(search.at(mm, other.last, "other") for other in first if other is not start)]
+        converged = [end for end in found if end.success]
+        over.append(min(converged or found, key=lambda end: end.last_cost))
+        ends.append([end.last_cost if end.success else None for end in found])
+    free = search.free(min(over, key=lambda end: end.last_cost).last, "free")
     rows = [outcomes(solution, search.stride) for solution in over]
-    own = published_signs(rows) if all(solution.success for solution in over) else {}
+    published = published_signs(rows) if all(solution.success for solution in over) else {}
     return {"recorded_mm": one.recording.own_m / MM, "cost": cost, "weight": weight,
-            "status": [solution.status for solution in (*over, free)], "signs": own,
-            "count": sum(value is True for value in own.values()) if own else None,
+            "status": [solution.status for solution in (*over, free)], "costs": ends, "signs": published,
+            "count": sum(value is True for value in published.values()) if published else None,
             "fulcrum_mm": position_mm(free) if free.success else None,
             "outcomes": {name: [row[name] for row in rows] for name in SHOWN}}
 
@@ -112,26 +245,32 @@ def main() -> None:
     """Computes, prints and stores all three."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--quick", action="store_true", help="one trial, one cost, one weight; needs --out")
+    parser.add_argument("--quick", action="store_true", help="one trial, one weight, one cost, no signs; needs --out")
     arguments = parser.parse_args()
     if arguments.quick and arguments.out == RESULTS:
         parser.error("a part of the study must not replace it all: give --out")
     paths = {path.stem: path for path in embedded_trials("exact")}
     quick = arguments.quick
+    results: dict[str, Any] = {"format": "vsf_drake adaptive stride 2", "synthetic": True, "signs_of": SIGNS_OF}
+    own = StrideOptions().normal_weight
+    results["able_bodied"] = able_bodied(exact(paths["medium_1"]), (own,) if quick else TRIED)
+    for weight, rows in results["able_bodied"]["weights"].items():
+        print("able-bodied", weight, {speed: row["within"] for speed, row in rows.items()}, flush=True)
     coarse = {name: Recorded(paths[name], COARSE) for name in (["medium_1"] if quick else paths)}
-    results: dict[str, Any] = {"format": "vsf_drake adaptive stride 1", "synthetic": True, "signs_of": SIGNS_OF}
-    results["found"] = {name: found(one) for name, one in coarse.items()}
+    results["found"] = {} if quick else {name: found(one) for name, one in coarse.items()}
     for name, row in results["found"].items():
         print(name, row["own_mm"], row["consistent_mm"], row["recording_mm"], flush=True)
     chosen = ["medium_1"] if quick else ["low_1", "medium_1", "high_1"]
     results["costs"] = {}
     for name in chosen:
-        fine = Recorded(paths[name], COARSE if quick else FINE)
-        results["costs"][name] = {cost: carried_out(fine, cost) for cost in (COSTS[:1] if quick else COSTS)}
+        fine = coarse[name] if quick else Recorded(paths[name], FINE)
+        results["costs"][name] = {cost: carried_out(coarse[name], fine, cost)
+                                  for cost in (("activation",) if quick else FREE_COSTS)}
         print(name, results["costs"][name], flush=True)
-    results["signs"] = [signs(coarse[name], "joint_load", weight)
-                        for name in chosen
-                        for weight in (WEIGHTS[1:2] if quick else WEIGHTS)]
+    results["starts"] = {name: starts(coarse[name]) for name in chosen if not quick}
+    results["speeds"] = {} if quick else speeds(coarse["medium_1"])
+    results["signs"] = [signs(coarse[name], "activation", factor * own)
+                        for name in chosen for factor in (() if quick else FACTORS)]
     for row in results["signs"]:
         print(row["recorded_mm"], row["cost"], row["weight"], row["count"], row["fulcrum_mm"], flush=True)
     results["provenance"] = provenance()
