@@ -245,7 +245,7 @@ def main() -> None:
     """Computes, prints and stores all three."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--quick", action="store_true", help="one trial, one weight, one cost, no signs; needs --out")
+    parser.add_argument("--quick", action="store_true", help="one trial, one weight, nothing searched; needs --out")
     arguments = parser.parse_args()
     if arguments.quick and arguments.out == RESULTS:
         parser.error("a part of the study must not replace it all: give --out")
@@ -265,7 +265,7 @@ def main() -> None:
     for name in chosen:
         fine = coarse[name] if quick else Recorded(paths[name], FINE)
         results["costs"][name] = {cost: carried_out(coarse[name], fine, cost)
-                                  for cost in (("activation",) if quick else FREE_COSTS)}
+                                  for cost in (("tracking",) if quick else FREE_COSTS)}
         print(name, results["costs"][name], flush=True)
     results["starts"] = {name: starts(coarse[name]) for name in chosen if not quick}
     results["speeds"] = {} if quick else speeds(coarse["medium_1"])
