@@ -17,6 +17,15 @@ from once import once
 
 from vsf_drake.files import resource
 
+LONG = {"test_level2", "test_pages", "test_processes", "test_readme", "test_sessions", "test_site",
+        "test_stored_results"}
+"""Files whose slow tests take a minute or more together."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first, so that no worker waits for another's last one; xdist keeps that by --no-loadscope-reorder."""
+    items.sort(key=lambda item: item.path.stem not in LONG)
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:

@@ -9,6 +9,7 @@ from OpenSim's generic model; for markers nothing is stated but body mass (where
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -41,22 +42,27 @@ CONTACTS = {
     "bmc_gait": [("6", "left"), ("5", "right"), ("3", "left"), ("4", "right")]}
 
 
-def simulated(folder, shared_data, name, side, *, fit_offsets=True):
-    """Trial, metrics and result of `vsf-drake simulate`."""
-    files, stated = WALKS[name]
-    (folder / "subject.yaml").write_text(yaml.safe_dump(stated | {"sex": "male", "prosthetic_side": side}))
-    path = folder / "trial.yaml"
-    path.write_text(yaml.safe_dump({"subject": "subject.yaml", "prosthesis": {"fulcrum_mm": 108}}
-                                   | {key: str(shared_data / file) for key, file in files.items()}))
-    options = ["--fit-offsets"] if fit_offsets else []
-    assert exit_code("simulate", path, "--out", folder / "out", *options) == 0
-    return load_trial(path), read_json(folder / "out" / "metrics.json"), load_walk(folder / "out")
+@pytest.fixture(scope="module")
+def simulated(shared_data, tmp_path_factory):
+    """Trial, metrics, result and folder of `vsf-drake simulate`; each walk is simulated once."""
+    @functools.cache
+    def made(name, side, fit_offsets):
+        folder, (files, stated) = tmp_path_factory.mktemp(name), WALKS[name]
+        (folder / "subject.yaml").write_text(yaml.safe_dump(stated | {"sex": "male", "prosthetic_side": side}))
+        path = folder / "trial.yaml"
+        path.write_text(yaml.safe_dump({"subject": "subject.yaml", "prosthesis": {"fulcrum_mm": 108}}
+                                       | {key: str(shared_data / file) for key, file in files.items()}))
+        options = ["--fit-offsets"] if fit_offsets else []
+        assert exit_code("simulate", path, "--out", folder / "out", *options) == 0
+        return load_trial(path), read_json(folder / "out" / "metrics.json"), load_walk(folder / "out"), folder / "out"
+
+    return lambda name, side, fit_offsets=True: made(name, side, fit_offsets)
 
 
-def test_walk_of_joint_angles(shared_data, tmp_path):
-    trial, metrics, result = simulated(tmp_path, shared_data, "angles", "left")
+def test_walk_of_joint_angles(simulated):
+    trial, metrics, result, out = simulated("angles", "left")
     assert {"metrics.json", "walk.png", "walk.svg", "result.npz", "result.yaml", "replay.html"} <= {
-        path.name for path in (tmp_path / "out").iterdir()}
+        path.name for path in out.iterdir()}
     assert abs(metrics["vertical_impulse_error"]) < 0.05 and metrics["unconverged_steps"] == 0
     assert metrics["angle_rmse_deg"] < np.degrees(1e-6), "prescribed angles are followed exactly"
     cop = result.cop_W[np.isfinite(result.cop_W[:, 0]) & (result.time_s > 0.85) & (result.time_s < 1.6), 0]
@@ -76,8 +82,8 @@ def test_walk_of_joint_angles(shared_data, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "side"), [(name, side) for name in CONTACTS for side in ("right", "left")])
-def test_walk_of_markers(shared_data, tmp_path, name, side):
-    trial, metrics, result = simulated(tmp_path, shared_data, name, side)
+def test_walk_of_markers(simulated, name, side):
+    trial, metrics, result, _ = simulated(name, side)
     assert [(contact.plate, contact.side) for contact in trial.contacts] == CONTACTS[name]
     assert all(contact.warning is None and contact.distance_m < 0.04 for contact in trial.contacts)
     assert all(end <= trial.start_s + 1e-9 or start >= trial.end_s - 1e-9 for start, end in trial.unmeasured[side])
@@ -94,7 +100,7 @@ def test_walk_of_markers(shared_data, tmp_path, name, side):
             cop = cop[np.isfinite(cop)]
             assert np.median(cop[-len(cop) // 5:]) - np.median(cop[: len(cop) // 5]) > 0.3 * result.foot_length_m
     if name == "example3DWalking":
-        assert_as_good_as_the_published_angles(shared_data, tmp_path, side, trial, metrics, result)
+        assert_as_good_as_the_published_angles(simulated, side, trial, metrics, result)
     elif side == "right":  # its mass is not stated; OpenSim's left foot misses the plates
         first, second = [c.start_s for c in trial.contacts if c.side == "right"][:2]
         rows = (trial.prosthetic_plate.time_s >= first) & (trial.prosthetic_plate.time_s < second)
@@ -103,16 +109,16 @@ def test_walk_of_markers(shared_data, tmp_path, name, side):
 
 
 @pytest.mark.slow
-def test_unfitted_walks_are_worth_what_simulate_says(shared_data, tmp_path):
+def test_unfitted_walks_are_worth_what_simulate_says(simulated):
     found = {True: [], False: []}
     for name, side in ((name, side) for name in WALKS for side in ("right", "left")):
         for fitted, errors in found.items():
-            errors.append(simulated(tmp_path, shared_data, name, side, fit_offsets=fitted)[1]["grf_rmse_bw"])
+            errors.append(simulated(name, side, fit_offsets=fitted)[1]["grf_rmse_bw"])
     for fitted, said in ((False, UNFITTED_BW), (True, OFFSETS_BW)):
         assert (min(found[fitted]), max(found[fitted])) == pytest.approx(said, abs=0.01)
 
 
-def assert_as_good_as_the_published_angles(shared_data, folder, side, trial, metrics, result):
+def assert_as_good_as_the_published_angles(simulated, side, trial, metrics, result):
     """The same person and foot from OpenSim's own joint angles, a half sine and the support that yields beside it.
 
     The foot has no ankle, the person had one: no foot follows the plate here, so what is asked is relative. A quarter
@@ -120,8 +126,7 @@ def assert_as_good_as_the_published_angles(shared_data, folder, side, trial, met
     half sine knows when the plate was loaded and how much, but not that the force has two humps. And a support that
     sinks 10 mm under the forefoot's load gives way as an ankle does, where the stiff one does not.
     """
-    (folder / "angles").mkdir()
-    _, by_angles, _ = simulated(folder / "angles", shared_data, "angles", side)
+    by_angles = simulated("angles", side)[1]
     assert metrics["grf_rmse_bw"] < 1.25 * by_angles["grf_rmse_bw"]
     plate = trial.prosthetic_plate
     on = (plate.time_s >= trial.start_s) & (plate.time_s <= trial.end_s) & (plate.force_W[:, 2] > 20.0)

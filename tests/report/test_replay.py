@@ -256,7 +256,7 @@ def test_the_time_bar_leads_the_walk_and_the_page_needs_nothing_else(tmp_path, w
     last = make_frames(walk, plate=None, rate_hz=RATE_HZ).forces["prosthetic predicted"].force_W[-1, 2]
     (tmp_path / "clicked.html").write_text(page.replace("</body>", CLICKS + "</body>"), encoding="utf-8")
     (tmp_path / "browser").mkdir()
-    seen = look(tmp_path / "clicked.html", tmp_path / "browser", width=width, height=800, budget_ms=3000)
+    seen = look(tmp_path / "clicked.html", tmp_path / "browser", width=width, height=400, budget_ms=1500)
     [found] = [json.loads(re.search("FOUND(.*)END", line)[1]) for line in seen.console if "FOUND" in line]
     assert found["time"] == pytest.approx(0.24), "the bar ends with the walk"
     assert not found["playing"] and found["plays"]
