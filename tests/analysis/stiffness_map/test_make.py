@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -103,10 +104,27 @@ def test_bands_hold_85_percent_of_synthetic_feet_that_were_not_drawn_for_them(mo
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_numbers_of_one_process(small, monkeypatch):
+def test_the_standard_map_misses_held_out_cells_and_targets_between_its_cells_by_2_percent_at_most():
+    mapped = StiffnessMap(*make_map(MODEL, axes=standard_axes(MODEL.foot), load=LOAD, draws=0, workers=2))
+    assert mapped.table.held_out == 40 and mapped.table.unknown == {}
+    assert {item.name: item.largest_error for item in mapped.table.quantities if item.largest_error > 0.02} == {}
+    for name, target in (("radius", 0.3), ("eflr", 0.75), ("moment_arm", 30.0), ("stored", 12.0), ("returned", 10.0),
+                         ("stiffness", 20.0)):
+        (place,) = mapped.inverse(name, target, mass_kg=72.0, slope_deg=1.5).positions_mm
+        there = mapped.rolled(name, mass_kg=72.0, slope_deg=1.5, fulcrum_mm=place)
+        assert there == pytest.approx(target, rel=0.02), name
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_of_two_processes_gives_the_same_map(small, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="pip install 'vsf-drake[cluster]'")
     monkeypatch.setattr(make, "HELD_OUT", 6)
-    with (distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
-          distributed.Client(cluster) as client):
-        _, arrays = make_map(MODEL, axes=SMALL, load=LOAD, draws=0, executor=client.get_executor())
-    np.testing.assert_array_equal(arrays["cells/radius"], small[1]["cells/radius"])
+    monkeypatch.setattr(make, "_AT_ONCE", 3)
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
+        table, arrays = make_map(MODEL, axes=SMALL, load=LOAD, draws=0, executor=client.get_executor())
+        pids = client.run(os.getpid)
+    assert len(set(pids.values()) - {os.getpid()}) == 2
+    assert table.quantities == small[0].quantities and arrays.keys() == small[1].keys()
+    for name, values in small[1].items():
+        np.testing.assert_array_equal(arrays[name], values, err_msg=name)
