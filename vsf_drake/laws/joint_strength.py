@@ -11,7 +11,7 @@ from 18 to 25 years. The paper was out of reach: Table 3 and equation 1 were rea
 (Millard2016TorqueMuscle), equation 9 in ProtoMotions' human model.
 
 What is not the source's (choices): within LITTLE of m g h one direction's strength goes smoothly over to the other's;
-the corners of s and min(v, 0) are rounded over SLOW, so that strength at rest is 2 to 6 % less; neither factor falls
+the corners of s and min(v, 0) are rounded over SLOW, so that strength at rest is up to 6 % less; neither factor falls
 below LEAST_BY_ANGLE and LEAST_BY_RATE, rounded over LEAST_WIDTH, since outside of the angles that were measured the
 cosine goes to zero.
 """
