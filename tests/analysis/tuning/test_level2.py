@@ -8,11 +8,12 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from vsf_drake.analysis.tuning.common import FREE_COSTS
-from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, outcomes, published_signs
+from vsf_drake.analysis.tuning.level1 import TuningOptions
+from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, normal, solve, stride_arrays, stride_table
+from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, outcomes, published_signs, steady_signs
 from vsf_drake.analysis.tuning.level2.saved import as_good
 from vsf_drake.analysis.tuning.level2.search import Fixed, Held, StrideSearch, StrideSolution, swept, tracked
-from vsf_drake.analysis.tuning.level2.stride import MM, STEADY, TYPICAL_ACTIVATION
+from vsf_drake.analysis.tuning.level2.stride import MM, STEADY, TYPICAL_ACTIVATION, WORK
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.analysis.validation.study import embedded_contact, embedded_trials
@@ -92,7 +93,7 @@ def test_constant_joint_power_costs_its_work_over_the_efficiencies(stride):
                                                          rel=stride.options.smooth_power_w / 1000.0)
 
 
-def test_metabolic_comes_with_half_a_joint_load_and_no_other_cost_does(stride):
+def test_work_comes_with_half_a_joint_load_and_no_other_cost_does(stride):
     sizes = dict.fromkeys(FREE_COSTS, 2.0)
     y = np.random.default_rng(5).standard_normal((stride.grid.instants, len(stride.function.names)))
 
@@ -100,9 +101,11 @@ def test_metabolic_comes_with_half_a_joint_load_and_no_other_cost_does(stride):
         return sum(float(stride.grid.weights @ part.values(y)) for part in stride.minimised(cost, sizes)
                    if part.name == name)
 
-    assert total("metabolic", "steady") == pytest.approx(STEADY * stride.value("joint_load", y) / 2.0)
+    for cost in WORK:
+        assert total(cost, "steady") == pytest.approx(STEADY * stride.value("joint_load", y) / 2.0)
     assert total("metabolic", "metabolic") == pytest.approx(stride.value("metabolic", y) / 2.0)
-    assert {part.name for part in stride.minimised("joint_load", sizes)} == {"joint_load", "normal", "smooth"}
+    for cost in ("joint_load", "activation"):
+        assert {part.name for part in stride.minimised(cost, sizes)} == {cost, "normal", "smooth"}
 
 
 def test_able_bodied_walking_deviates_by_nothing_from_itself_and_by_a_half_if_every_angle_is_a_standard_deviation_off(
@@ -138,6 +141,7 @@ def test_a_stride_at_another_speed_is_the_same_curves_longer_and_faster(stride):
     ratio = left(other, begun.z) / np.maximum(left(stride, start.z), 1e-9)
     assert ratio.max() < 1.2**2 + 1e-6
     assert begun.z[-1, 1] - begun.z[0, 1] == pytest.approx(1.2 * (start.z[-1, 1] - start.z[0, 1]))
+    assert begun.z[0, 1] == other.reference.q[0, 1], "where the problem fixes the pelvis at first"
 
 
 def test_a_recording_that_is_met_deviates_by_nothing(stride):
@@ -243,22 +247,39 @@ def test_the_interval_holds_what_is_as_good_and_the_end_of_every_search_that_con
     result.sweep = [Fixed(mm, ended(mm, cost)) for mm, cost in ((66.0, 1.2), (108.0, 1.005), (151.0, 1.3))]
     assert as_good(result) is None, "no search with the fulcrum free converged"
     result.free = [(66.0, ended(100.0, 1.0)), (151.0, ended(140.0, 1.2, success=False))]
-    # 1 % above 1.0 is reached on the line from 1.005 to 1.3.
-    assert as_good(result) == pytest.approx((100.0, 108.0 + 43.0 * 0.005 / 0.295))
+    # 1 % above 1.0 is reached on the lines from the optimum to 1.2 and from 1.005 to 1.3.
+    assert as_good(result) == pytest.approx((100.0 - 34.0 * 0.01 / 0.2, 108.0 + 43.0 * 0.005 / 0.295))
     result.drawn, result.held = [(ended(120.0, 1.0), None)], [Held(0.1, (), ended(90.0, 0.5))]
     assert as_good(result) == pytest.approx((90.0, 120.0))
 
 
+def test_the_interval_reaches_to_where_the_cost_is_known_to_be_more():
+    """From the optimum, where no fixed position is as good: 1 % is reached after a tenth of the way to 10 % more. Over
+    a position without a stride to the next one that has one, at the end of the range to that position itself."""
+    def ended(mm, cost):
+        return SimpleNamespace(last=Start(z=np.zeros(0), p=np.array([mm * MM])), last_cost=cost, success=True)
+
+    result = StrideSolution(tuning=None, tracked=ended(108.0, 1.0), search=None)
+    result.free = [(110.0, ended(110.0, 1.0))]
+    result.sweep = [Fixed(mm, ended(mm, 1.1)) for mm in (60.0, 100.0, 120.0, 150.0)]
+    assert as_good(result) == pytest.approx((109.0, 111.0))
+    result.sweep[2].solution = None
+    assert as_good(result) == pytest.approx((109.0, 150.0))
+    result.sweep[3].solution = None
+    assert as_good(result) == pytest.approx((109.0, 150.0))
+
+
 def test_published_signs_of_the_foot_itself_turn_with_the_order_of_stiffness():
     """Seven, of which those of dorsiflexion, push-off and energy are negative (Nichols 2023); what changes by less than
-    1 % has none. A middle off the line does not turn its slope."""
+    1 % has none. A middle beyond both ends does not turn what they say, but that not every step says so is known."""
     falls = {"dorsiflexion", "push_off_power", "stored_energy", "returned_energy"}
     rows = [{name: 10.0 + (-step if name in falls else step) for name in MEASURES.values()} for step in (0.0, 1.0, 2.0)]
     assert len(MEASURES) == 7 and all(published_signs(rows).values())
     assert set(published_signs(rows[::-1]).values()) == {False}
     assert set(published_signs([rows[0], rows[0], rows[0]]).values()) == {None}
+    assert all(steady_signs(rows).values())
     bent = [rows[0], {name: value + 5.0 for name, value in rows[1].items()}, rows[2]]
-    assert published_signs(bent) == published_signs(rows)
+    assert published_signs(bent) == published_signs(rows) and not any(steady_signs(bent).values())
 
 
 def test_a_tuning_that_was_interrupted_keeps_its_stride_and_cannot_be_read_as_an_optimum(trial):
@@ -280,9 +301,62 @@ def test_two_trials_an_unknown_cost_and_a_range_out_of_reach_are_refused(trial):
     for trials, cost, options, message in (
             ([trial, trial], "metabolic", None, "2 trials"), ([trial], "comfort", None, "no 'comfort'"),
             ([trial], "metabolic", StrideOptions(bounds_mm=(10.0, 300.0)), "reach"),
-            ([trial], "metabolic", StrideOptions(speed_m_per_s=9.0), "able-bodied walking")):
+            ([trial], "metabolic", StrideOptions(speed_m_per_s=9.0), "able-bodied walking"),
+            ([trial], "tracking", StrideOptions(speed_m_per_s=1.3), "to be tracked"),
+            ([trial], "weighted", StrideOptions(speed_m_per_s=1.3, weights={"tracking": 0.1, "metabolic": 1.0}),
+             "to be tracked")):
         with pytest.raises(InputError, match=message):
             StrideTuning(trials, cost=cost, options=options)
+
+
+def test_a_recording_slower_than_what_was_published_can_be_tracked_or_solved_for_faster(trial, stride, monkeypatch):
+    """The recorded speed is 1.0 m/s; as if nothing were known of able-bodied walking below 1.5 m/s."""
+    monkeypatch.setattr(normal, "REACH", (0.5, 0.56))
+    tuning = StrideTuning([trial], cost="tracking")
+    tuning.stride.problem(tuning.stride.minimised("tracking", {}), tuning.stride.reach_mm)
+    assert StrideTuning([trial], cost="activation", options=StrideOptions(speed_m_per_s=1.6)).speed_m_per_s == 1.6
+    with pytest.raises(InputError, match="able-bodied walking") as refused:
+        StrideTuning([trial], cost="activation")
+    assert refused.value.where == "the recorded speed"
+
+
+def test_the_recorded_speed_as_it_is_printed_is_the_recorded_speed(trial, stride):
+    options = StrideOptions(speed_m_per_s=round(stride.speed, 2))
+    assert StrideTuning([trial], cost="activation", options=options).speed_m_per_s is None
+
+
+def test_activation_has_a_weight_where_the_motion_adapts_and_none_where_it_does_not(stride):
+    weights = {"activation": 1.0, "joint_load": 3.0}
+    mixed = dataclasses.replace(stride, options=StrideOptions(weights=weights))
+    y = np.random.default_rng(11).standard_normal((stride.grid.instants, len(stride.function.names)))
+    terms = mixed.minimised("weighted", dict.fromkeys(FREE_COSTS, 2.0))
+    by_name = {name: sum(float(stride.grid.weights @ part.values(y)) for part in terms if part.name == name)
+               for name in weights}
+    assert by_name == pytest.approx({"activation": 0.25 * stride.value("activation", y) / TYPICAL_ACTIVATION,
+                                     "joint_load": 0.75 * stride.value("joint_load", y) / 2.0})
+    with pytest.raises(InputError, match="activation"):
+        TuningOptions(weights=weights)
+
+
+@pytest.mark.slow
+def test_a_stride_at_another_speed_is_solved_for_there_and_the_recorded_one_stays_what_it_was(trial, stride):
+    """Speed is length over time. A larger weight of able-bodied walking brings the stride nearer to it."""
+    options = StrideOptions(intervals=12, positions=3, starts=1, confirm=(), draws=1, hold_factors=(4.0,),
+                            speed_m_per_s=1.3)
+    result = solve(StrideTuning([trial], cost="activation", options=options))
+    table, (held,), best = stride_table(result), result.held, result.best
+    rows = {row.name: row for row in table.outcomes}
+    for setting in ("softest", "optimum", "stiffest"):
+        length, time = (getattr(rows[name], setting) for name in ("stride_length", "stride_time"))
+        assert length / time == pytest.approx(1.3)
+    assert rows["stride_time"].recorded == pytest.approx(stride.recorded.period_s)
+    assert rows["stride_length"].recorded == pytest.approx(stride.recorded.advance_m)
+    assert rows["motion_change"].optimum is None and rows["motion_change"].recorded == pytest.approx(0.0, abs=1e-9)
+    assert "1.30 m/s" in table.notes[0] and f"{stride.speed:.2f} m/s" in table.notes[0]
+    (drawn, other), = result.drawn
+    assert drawn.success and other.speed == pytest.approx(1.3)
+    off = [result.search.stride.value("normal", solution.last_y()) for solution in (best, held.free)]
+    assert held.weight == 4.0 * options.normal_weight and off[1] < off[0]
 
 
 @pytest.mark.parametrize(("chains", "order"), [
@@ -302,6 +376,20 @@ def test_a_sweep_goes_outward_from_the_recorded_setting_or_comes_to_every_positi
         reach_mm=(60.0, 100.0), own_m=0.081, options=SimpleNamespace(positions=5)))
     swept(search, "tracked", rows, chains=chains)
     assert asked == order and all(row.solution.last == row.fulcrum_mm for row in rows)
+
+
+def test_beyond_a_position_without_a_stride_a_sweep_begins_anew_from_the_tracked_one():
+    asked, rows = [], []
+
+    def at(mm, start, what, fraction):
+        asked.append((mm, start))
+        return SimpleNamespace(success=mm != 70.0, status="optimal", last_cost=1.0, last=mm)
+
+    search = SimpleNamespace(at=at, stride=SimpleNamespace(
+        reach_mm=(60.0, 80.0), own_m=0.08, options=SimpleNamespace(positions=3)))
+    swept(search, "tracked", rows, chains=False)
+    assert asked == [(80.0, "tracked"), (70.0, 80.0), (60.0, "tracked")]
+    assert rows[1].solution is None and np.isnan(rows[1].tried["outward"])
 
 
 def test_activation_counts_alike_for_all_persons_and_other_costs_by_what_they_are_in_the_tracked_stride(stride):

@@ -7,7 +7,7 @@ import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from vsf_drake.errors import InputError
 from vsf_drake.schema import check, choice, quantity
@@ -55,13 +55,15 @@ class CommonOptions:
     Attributes:
         bounds_mm: least and largest fulcrum position from A; None for the carriage's reach.
         design: what is tuned together with the fulcrum; `design_bounds`: (low, high) by name, in its unit.
-        weights: of COSTS in the weighted cost, each divided by its size in what was recorded; their sum counts as 1.
+        weights: of `costs` in the weighted cost, each divided by its size in what was recorded; their sum counts as 1.
         socket_weight: of the socket's wrench against the joints' moments in the cost joint_load. The axial force bears
             the body and its square is about a hundred times those of the normalised moments: with 0.01 both count.
         late_share: of prosthetic stance, after which positive power counts as push-off.
         starts: most searches. iterations: of one. confirm: solvers that search again.
         draws: of the contact's parameters, by which the optimum's uncertainty is judged; 0 for none.
     """
+
+    costs: ClassVar[tuple[str, ...]] = COSTS
 
     bounds_mm: tuple[float, float] | None = None
     design: tuple[str, ...] = choice((), options=(), source="choice")
@@ -93,7 +95,7 @@ class CommonOptions:
         if self.bounds_mm is not None:
             _check_pair("bounds_mm", self.bounds_mm)
         for name, weight in self.weights.items():
-            check_name(name, COSTS, "weights")
+            check_name(name, self.costs, "weights")
             if not _is_number(weight):
                 raise InputError(f"{weight!r} is no weight", where=f"weights[{name!r}]",
                                  right="It must be a number from 0 on")

@@ -66,15 +66,14 @@ def _table() -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
                        np.array([float(row["sd"]) for row in own])) for quantity, own in rows.items()}
 
 
-def normal_gait(speed_m_per_s: float, leg_m: float) -> NormalGait:
-    """InputError at a speed out of REACH."""
+def normal_gait(speed_m_per_s: float, leg_m: float, where: str = "speed_m_per_s") -> NormalGait:
+    """InputError at a speed out of REACH; `where` says whose it is."""
     table = _table()
     unit = float(np.sqrt(GRAVITY * leg_m))
     speed, (low, high) = speed_m_per_s / unit, (unit * reach for reach in REACH)
     if not low <= speed_m_per_s <= high:
         raise InputError(f"{speed_m_per_s:.2f} m/s is out of what was published of able-bodied walking",
-                         where="speed_m_per_s",
-                         right=f"With a leg of {leg_m:.2f} m it must lie from {low:.2f} to {high:.2f} m/s")
+                         where=where, right=f"With a leg of {leg_m:.2f} m it must lie from {low:.2f} to {high:.2f} m/s")
 
     def between(speeds: np.ndarray, values: np.ndarray) -> np.ndarray:
         at = int(np.clip(np.searchsorted(speeds, speed) - 1, 0, len(speeds) - 2))

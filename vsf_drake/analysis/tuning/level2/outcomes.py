@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,13 +28,13 @@ KINDS = {
     "knee_flexor_moment": ("largest prosthetic knee flexor moment late in stance", "N m/kg"),
     "knee_extension": ("least prosthetic knee flexion late in stance, negative, by markers on the socket", "deg"),
     "socket_moment": ("peak moment on the residual limb", "N m/kg"),
-    "metabolic": ("joint-work estimate of metabolic energy, over the recorded stride's length", "J/kg"),
+    "metabolic": ("joint-work estimate of metabolic energy", "J/(kg m)"),
     "joint_load": ("squared joint and socket load", "1"),
     "activation": ("squared activations of the muscles", "1"),
     "stride_time": ("time of a stride", "s"),
     "stride_length": ("length of a stride", "m"),
-    "motion_change": ("root mean square change of the joint angles", "deg"),
-    "force_change": ("root mean square change of the ground reaction force, worse foot", "BW")}
+    "motion_change": ("root mean square change of the joint angles from the recording", "deg"),
+    "force_change": ("root mean square change of the ground reaction force from the recording, worse foot", "BW")}
 """Labels and units."""
 SIGNS_OF = "Nichols 2023"
 """The source, in the table of published effects, whose signs were measured on the variable-stiffness foot itself."""
@@ -44,7 +45,7 @@ MEASURES = {"dorsiflexion": "dorsiflexion", "plantarflexor moment": "ankle_momen
 
 
 def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
-    """KINDS of a solved stride; the changes are from the stride's reference."""
+    """KINDS of a solved stride; the changes are from its reference, NaN where nothing was recorded."""
     y, index, reference, model = solution.last_y(), stride.function.index, stride.reference, stride.model
     mass, weight, last = model.subject.mass_kg, model.weight, solution.last
 
@@ -79,6 +80,7 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
     _, _, _, hip_p, knee_p, _, knee_i, _ = layout.coordinates
     late = reference.late & reference.stance["prosthetic"]
     change = np.degrees(y[:, stride.function.starting_with("q_")][:, 3:] - reference.q[:, 3:])
+    changed = np.nan if stride.recorded is None else float(np.sqrt(np.mean(change**2)))
     force = [np.sum((y[:, index(f"{foot}_fx", f"{foot}_fz")] - known) ** 2, axis=1)[reference.known[foot]].mean()
              for foot, known in reference.force.items() if reference.known[foot].any()]
     pace = float(last.p[-1])
@@ -92,24 +94,30 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
         "prosthetic_hip_moment": largest(f"torque_{hip_p}"), "prosthetic_knee_moment": largest(f"torque_{knee_p}"),
         "knee_flexor_moment": float(column(f"torque_{knee_p}")[late].max() / mass),
         "knee_extension": float(-np.degrees((column(f"q_{knee_p}") + socket_bends)[late].min())),
-        "socket_moment": largest("force_socket_flexion"), "metabolic": stride.value("metabolic", y),
+        "socket_moment": largest("force_socket_flexion"), "metabolic": stride.value("metabolic", y) / stride.advance_m,
         "joint_load": stride.value("joint_load", y), "activation": stride.value("activation", y),
         "stride_time": pace * stride.grid.duration_s,
-        "stride_length": pace * stride.advance_m, "motion_change": float(np.sqrt(np.mean(change**2))),
+        "stride_length": pace * stride.advance_m, "motion_change": changed,
         "force_change": float(np.sqrt(max(force)) / weight) if force else float("nan")}
 
 
 def published_signs(strides: Sequence[dict[str, float]]) -> dict[str, bool | None]:
-    """By measure of SIGNS_OF, whether outcomes of evenly spaced settings, softest first, have the published sign.
+    """By measure of SIGNS_OF, whether outcomes change from the first of some settings, the softest, to the last, the
+    stiffest, as published; None where that is by less than LEAST_CHANGE of the larger one.
 
-    The source gives regressions over its settings: the sign is that of the straight line nearest to the outcomes, None
-    where that changes by less than LEAST_CHANGE of its larger end. What lies between the ends may go another way.
+    The source gives regressions over its settings. The line through three evenly spaced ones has the direction of their
+    ends: what lies between may go another way, see `steady_signs`.
     """
     found = {}
     for effect in published_effects():
         if effect.source == SIGNS_OF and effect.measure in MEASURES:
-            slope, middle = np.polyfit(np.linspace(-0.5, 0.5, len(strides)),
-                                       [row[MEASURES[effect.measure]] for row in strides], 1)
-            little = abs(slope) <= LEAST_CHANGE * (abs(middle) + 0.5 * abs(slope))
-            found[effect.measure] = None if little else ("+" if slope > 0.0 else "-") == effect.effect
+            first, last = (strides[i][MEASURES[effect.measure]] for i in (0, -1))
+            little = abs(last - first) <= LEAST_CHANGE * max(abs(first), abs(last))
+            found[effect.measure] = None if little else ("+" if last > first else "-") == effect.effect
     return found
+
+
+def steady_signs(strides: Sequence[dict[str, float]]) -> dict[str, bool]:
+    """By measure, whether all steps from one setting to the next have the published sign as well."""
+    steps = [published_signs(pair) for pair in pairwise(strides)]
+    return {measure: all(step[measure] is True for step in steps) for measure in steps[0]}

@@ -23,7 +23,7 @@ from vsf_drake.simulation.sagittal.model import DESIGN, SagittalModel, Smoothing
 
 SWING_MIDDLE = (0.3, 0.7)  # share of a swing in which the foot must clear the ground
 FEET = ("prosthetic", "intact")
-NORMAL_LATE, LOADED_BW = 0.5, 0.05  # shares of a stance, of body weight, that able-bodied walking is cut by (choices)
+LOADED_BW = 0.05  # of body weight, under more of which a foot of able-bodied walking stands (a choice)
 SUNK_M, HEIGHT_HARMONICS = 0.005, 4  # how far a foot that stands is in the ground at first, smoothed over the stride
 LOADED_N = 1.0  # below, a centre of pressure says nothing (a choice)
 
@@ -92,8 +92,8 @@ def consistent_reference(recorded: StrideReference, solution: TrajectorySolution
         known={foot: np.ones(grid.instants, dtype=bool) for foot in force})
 
 
-def normal_reference(gait: NormalGait, model: SagittalModel, grid: Grid, advance_m: float, tilt_rad: float
-                     ) -> StrideReference:
+def normal_reference(gait: NormalGait, model: SagittalModel, grid: Grid, advance_m: float, tilt_rad: float,
+                     late_share: float) -> StrideReference:
     """Able-bodied walking of a person with this mean tilt of the pelvis, the prosthetic foot's strike at 0, the other's
     half a stride later; the pelvis at a steady speed, as high as puts the lower foot on the ground."""
     phase = grid.times_s / grid.duration_s
@@ -131,5 +131,5 @@ def normal_reference(gait: NormalGait, model: SagittalModel, grid: Grid, advance
     return StrideReference(
         q=q, v=v, a=a, force={foot: model.weight * own for foot, own in force.items()},
         cop_x=dict.fromkeys(FEET, nothing), moment=dict.fromkeys(FEET, nothing), known=dict.fromkeys(FEET, never),
-        stance=stance, late=stance["prosthetic"] & (phase >= NORMAL_LATE * ends["prosthetic"]),
+        stance=stance, late=stance["prosthetic"] & (phase >= late_share * ends["prosthetic"]),
         clear={foot: (share >= SWING_MIDDLE[0]) & (share <= SWING_MIDDLE[1]) for foot, share in swing.items()})

@@ -65,8 +65,8 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
             for what, s in (*((f"drawn contact {i + 1}", s) for i, (s, _) in enumerate(result.drawn)),
                             *((f"weight {held.weight:g} of able-bodied walking", held.free) for held in result.held))),
         trials=(tuning.label,), recorded_mm=(stride.own_m / MM,), synthetic=tuning.trial.synthetic,
-        notes=(*(() if tuning.options.speed_m_per_s is None else say(
-                   "stride", "speed", asked=tuning.options.speed_m_per_s, recorded=tuning.stride.speed)),
+        notes=(*(() if tuning.speed_m_per_s is None else say(
+                   "stride", "speed", asked=tuning.speed_m_per_s, recorded=tuning.stride.speed)),
                *say("stride", "limits"), *tuning.recorded.notes,
                *say("stride", "sweep", lost=lost, different=len(different), count=len(result.sweep))),
         wall_s=result.wall_s,
@@ -95,7 +95,8 @@ def _outcomes(result: StrideSolution) -> list[t.Outcome]:
     over = [outcomes(solution, stride) for _, solution in result.solved]
     if not over:
         return []
-    settings = (over[0], outcomes(result.shown, stride), over[-1], outcomes(result.tracked, stride))
+    settings = (over[0], outcomes(result.shown, stride), over[-1],
+                outcomes(result.tracked, result.consistent))
     drawn = [outcomes(solution, other) for solution, other in result.drawn if solution.success]
     rows = []
     for name, (label, unit) in KINDS.items():
@@ -108,14 +109,23 @@ def _outcomes(result: StrideSolution) -> list[t.Outcome]:
 
 
 def as_good(result: StrideSolution) -> tuple[float, float] | None:
-    """Between which positions the optimum may be: fixed ones, and those between them, whose cost is as good as the
-    least, and the ends of all searches with the fulcrum free, from every start, with every drawn contact and every
-    weight of able-bodied walking."""
+    """Between which positions the optimum may be: those whose cost is as good as the least, on straight lines from the
+    optimum over the fixed positions, and the ends of all searches with the fulcrum free, from every start, with every
+    drawn contact and every weight of able-bodied walking. What lies before a position without a stride may be as good
+    up to the next one that has one."""
     if not result.solved or result.best is None:
         return None
-    most = result.best.last_cost + LITTLE * abs(result.best.last_cost)
-    over = [(mm, solution.last_cost - most) for mm, solution in result.solved]
+    least = result.best.last_cost
+    most = least + LITTLE * abs(least)
+    lost = [row.fulcrum_mm for row in result.sweep if row.solution is None]
+    over = sorted([(position_mm(result.best), least - most),
+                   *((mm, solution.last_cost - most) for mm, solution in result.solved)])
     near = [mm for mm, more in over if more <= 0.0]
-    near += [(a * d - b * c) / (d - c) for (a, c), (b, d) in pairwise(over) if c * d < 0.0]  # where it is as much
+    for (a, c), (b, d) in pairwise(over):
+        if c * d < 0.0:  # between them it is as much
+            unknown = any(a < mm < b for mm in lost)
+            near.append((a if c > 0.0 else b) if unknown else (a * d - b * c) / (d - c))
+    near += [mm for (end, more), way in ((over[0], -1.0), (over[-1], 1.0)) if more <= 0.0
+             for mm in lost if way * (mm - end) > 0.0]
     near += [position_mm(solution) for solution in result.asked_again if solution.success]
     return min(near), max(near)

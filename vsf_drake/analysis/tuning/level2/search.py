@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from vsf_drake.analysis.tuning import table as t
-from vsf_drake.analysis.tuning.common import FREE_COSTS, Progress, TuningCheck, check_cost
+from vsf_drake.analysis.tuning.common import FREE_COSTS, WEIGHTED, Progress, TuningCheck, check_cost
 from vsf_drake.analysis.tuning.level2.normal import normal_gait
-from vsf_drake.analysis.tuning.level2.stride import MM, PACE, Stride, StrideOptions
+from vsf_drake.analysis.tuning.level2.stride import MM, PACE, SAME_SPEED, Stride, StrideOptions
 from vsf_drake.analysis.tuning.recorded_projection import TILT
 from vsf_drake.analysis.tuning.recorded_stride import recorded_stride
 from vsf_drake.collocation import sqp
@@ -34,7 +34,9 @@ class StrideTuning:
 
     InputError: there is not exactly one trial, its fitted contact applied; the recording holds no whole stride, or no
     plate of the prosthetic foot; the prosthesis is turned out of the sagittal plane; the range is out of reach;
-    nothing was published of able-bodied walking at the speed.
+    nothing was published of able-bodied walking at the speed; a recording is to be tracked at another speed.
+
+    speed_m_per_s: at which the stride is solved for, None for the recorded one.
     """
 
     def __init__(
@@ -57,8 +59,15 @@ class StrideTuning:
             hip_height_m=body.leg_length, advance_m=recorded.advance_m, options=self.options,
             grid=grid, tilt_rad=float(recorded.sample(grid.times_s)[0][:, TILT].mean()),
             smoothing=self.options.stages[-1])
-        speed = self.options.speed_m_per_s
-        normal_gait(self.stride.speed if speed is None else speed, self.stride.hip_height_m)  # InputError out of reach
+        asked, own = self.options.speed_m_per_s, self.stride.speed
+        self.speed_m_per_s = None if asked is None or abs(asked - own) <= SAME_SPEED else asked
+        tracks = "tracking" in (self.options.weighed if cost == WEIGHTED else (cost,))
+        if tracks and self.speed_m_per_s is not None:
+            raise InputError(f"{asked:g} m/s is not the speed of the recording, {own:.2f} m/s, which is to be tracked",
+                             where="speed_m_per_s", right="Leave it out, or choose another cost than tracking")
+        if cost != "tracking":  # InputError where nothing was published
+            normal_gait(own if self.speed_m_per_s is None else self.speed_m_per_s, self.stride.hip_height_m,
+                        "speed_m_per_s" if self.speed_m_per_s is not None else "the recorded speed")
         low, high = self.stride.reach_mm
         fulcrum = self.trial.model.foot.fulcrum
         if not fulcrum.rearmost_m / MM - 1e-6 <= low < high <= fulcrum.foremost_m / MM + 1e-6:
@@ -190,6 +199,11 @@ class StrideSolution:
         """The best optimum with the fulcrum free; None if no search converged."""
         good = [solution for _, solution in self.free if solution.success]
         return min(good, key=lambda solution: solution.last_cost) if good else None
+
+    @property
+    def consistent(self) -> Stride:
+        """The recorded stride, made consistent."""
+        return dataclasses.replace(self.tuning.stride, consistent=self.tracked)
 
     @property
     def solved(self) -> list[tuple[float, TrajectorySolution]]:

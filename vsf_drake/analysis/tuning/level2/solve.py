@@ -13,8 +13,9 @@ import numpy as np
 from vsf_drake.analysis.tuning import table as t
 from vsf_drake.analysis.tuning.common import FREE_COSTS, Progress, TuningCheck
 from vsf_drake.analysis.tuning.level1.uncertainty import contact_draws
-from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, outcomes, published_signs
+from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, outcomes, published_signs, steady_signs
 from vsf_drake.analysis.tuning.level2.search import (
+    NEAR_ENOUGH,
     Held,
     StrideSearch,
     StrideSolution,
@@ -34,7 +35,7 @@ from vsf_drake.sentences import say
 from vsf_drake.simulation.sagittal.model import SagittalModel
 
 ANGLE_DEG, FORCE_BW = 2.0, 0.06  # what a tracked stride may differ from its recording by, root mean square (a choice)
-VIOLATION, STARTS_MM = 1e-6, 1.0
+STARTS = 0.005  # share of the cost within which searches from several starts must end (a choice)
 FOUND_MM = 10.0  # how near to its own position a consistent stride, tracked with the fulcrum free, must end (a choice)
 SIGNS_LABEL = "signs as published of the variable-stiffness foot, at the worst weight of able-bodied walking"
 
@@ -95,7 +96,7 @@ def _search(result: StrideSolution, progress: Progress | None) -> str:
 
 def _to_solve(tuning: StrideTuning, recorded: Stride, tracked: TrajectorySolution) -> tuple[Stride, Start]:
     """The consistent stride, or that at the speed asked for, and a start."""
-    stride, speed = dataclasses.replace(recorded, consistent=tracked), tuning.options.speed_m_per_s
+    stride, speed = dataclasses.replace(recorded, consistent=tracked), tuning.speed_m_per_s
     return (stride, tracked.last) if speed is None else stride.at_speed(speed, tracked.last)
 
 
@@ -109,8 +110,8 @@ def _spread(good: list[tuple[float, TrajectorySolution]], count: int) -> list[tu
 
 
 def _draw(result: StrideSolution, best: TrajectorySolution) -> None:
-    """The best stride with each drawn contact that the data would have allowed as well, see `level1.uncertainty`; each
-    held to the consistent stride that it makes of the recording."""
+    """The best stride with each drawn contact that the data would have allowed as well, see `level1.uncertainty`; costs
+    count by their sizes in the consistent stride that it makes of the recording."""
     tuning = result.tuning
     drawn = contact_draws(tuning.walker, tuning.trial.subject.prosthetic_side, tuning.options.draws,
                           tuning.options.seed)
@@ -147,13 +148,16 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
         return
     rows = [(options.normal_weight, tuple(solution for _, solution in result.settings)),
             *((held.weight, held.over) for held in result.held)]
-    signs = {weight: published_signs([outcomes(solution, stride) for solution in over]) for weight, over in sorted(
-        rows, key=lambda row: row[0])}
+    by_weight = {weight: [outcomes(solution, stride) for solution in over]
+                 for weight, over in sorted(rows, key=lambda row: row[0])}
+    signs = {weight: published_signs(over) for weight, over in by_weight.items()}
+    bent = {weight: [measure for measure, steady in steady_signs(over).items()
+                     if signs[weight][measure] and not steady] for weight, over in by_weight.items()}
     least = min(sum(found is True for found in own.values()) for own in signs.values())
     most = len(next(iter(signs.values())))
     result.checks.append(TuningCheck(
         "signs", SIGNS_LABEL, float(least), f"of {most}", f">= {most}", least == most,
-        say("stride", "signs", signs=signs, source=SIGNS_OF, count=most)[0]))
+        say("stride", "signs", signs=signs, bent=bent, source=SIGNS_OF, count=most)[0]))
 
 
 def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress | None) -> None:
@@ -169,17 +173,18 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         worst=worst)
     add("tracking_force", "tracked stride, resultant force of the worse foot", 100.0 * force, "% body weight",
         f"<= {100.0 * FORCE_BW:g}", force <= FORCE_BW, force=force)
-    add("violation", "largest violation of an equation", best.violation, "scaled", f"<= {VIOLATION:g}",
-        best.violation <= VIOLATION)
-    fixed = [solution.last_cost for _, solution in result.solved]
-    add("fixed_positions", "against the best fixed position", best.last_cost - min(fixed), "1", "<= 0",
-        best.last_cost <= min(fixed) + 1e-9, cost=best.last_cost, count=len(fixed), least=min(fixed))
-    ends = [position_mm(solution) for _, solution in result.free if solution.success]
+    fixed = min(solution.last_cost for _, solution in result.solved)
+    # Neither search goes on for what is less than this.
+    rest = 1e-9 if tuning.cost == "tracking" else NEAR_ENOUGH["gain"] * (1.0 + abs(fixed))
+    add("fixed_positions", "against the best fixed position", best.last_cost - fixed, "1", f"<= {rest:.1g}",
+        best.last_cost <= fixed + rest, cost=best.last_cost, count=len(result.solved), least=fixed)
+    ends = [(position_mm(solution), solution.last_cost) for _, solution in result.free if solution.success]
     if len(result.free) > 1:
-        spread = max(ends) - min(ends)
-        add("starts", "where searches from several positions end", spread, "mm", f"<= {STARTS_MM:g}",
-            spread <= STARTS_MM and len(ends) == len(result.free), converged=len(ends), count=len(result.free),
-            spread=spread)
+        (low_mm, high_mm), (least, most) = ((min(part), max(part)) for part in zip(*ends, strict=True))
+        more = (most - least) / abs(least)
+        add("starts", "how much more searches from several positions end with", 100.0 * more, "%",
+            f"<= {100.0 * STARTS:g}", more <= STARTS and len(ends) == len(result.free), converged=len(ends),
+            count=len(result.free), spread=high_mm - low_mm, more=more)
     if progress:
         progress("re-simulating", 0.5)
     trajectory = solved_trajectory(best, tuning.walker, outputs=stride.function.names, offsets=tuning.trial.offsets)
@@ -194,7 +199,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
             result.simulated |= run.arrays()
     if not tuning.options.confirm:
         return
-    again = StrideSearch(dataclasses.replace(tuning.stride, consistent=result.tracked), "tracking", progress=progress)
+    again = StrideSearch(result.consistent, "tracking", progress=progress)
     for mm in (result.solved[0][0], result.solved[-1][0]):
         held = again.at(mm, result.tracked.last, f"tracked at {mm:.0f} mm", 0.55)
         found = unless_interrupted(again.free(held.last, f"tracked from {mm:.0f} mm", 0.55))

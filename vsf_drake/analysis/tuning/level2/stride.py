@@ -16,15 +16,17 @@
 
 A cost counts as its size over that in the tracked stride (activation: over a typical size, for any person), plus
 `normal_weight` times normal and a little of the squared accelerations (push_off alone: ten times as much of normal);
-with metabolic and push_off comes half as much of joint_load. P+ = (P + sqrt(P^2 + e^2) - e) / 2, P- likewise.
+with metabolic and push_off comes half as much of joint_load. Tracking counts as it is, and alone. P+ is
+(P + sqrt(P^2 + e^2) - e) / 2, P- likewise.
 
-The speed is the recorded one; the stride's time T may differ by a factor r from the recorded T_0, its length with it.
-The unknowns are curves over T_0, for which the collocation stays linear; what moves is
+The speed is given, as recorded or another; the stride's time T may differ by a factor r from T_0, that of the recorded
+stride or, at another speed, of the one made from it (`Stride.at_speed`), its length with it. The unknowns are curves
+over T_0, for which the collocation stays linear; what moves is
 
     q + (r - 1) speed t e_x,    v = (q' + (r - 1) speed e_x) / r,    a = q'' / r^2,    u = w' / r
 
 with e_x the pelvis's way forward, which the level ground does not feel. T in the costs above is then T_0, so that
-metabolic and push_off are of the distance of the recorded stride.
+metabolic and push_off are of the distance speed T_0.
 """
 
 from __future__ import annotations
@@ -33,11 +35,11 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from vsf_drake.analysis.tuning.common import WEIGHTED, CommonOptions
+from vsf_drake.analysis.tuning.common import FREE_COSTS, WEIGHTED, CommonOptions
 from vsf_drake.analysis.tuning.level1.costs import NEGATIVE_EFFICIENCY, POSITIVE_EFFICIENCY
 from vsf_drake.analysis.tuning.level2.balance import quasi_static_motion
 from vsf_drake.analysis.tuning.level2.normal import FORCES, NormalGait, normal_gait
@@ -59,6 +61,7 @@ from vsf_drake.simulation.sagittal.linearise import linearise
 from vsf_drake.simulation.sagittal.model import DESIGN, IMAGINARY_STEP, SOCKET, SagittalModel, Smoothing
 
 MM = 1e-3
+SAME_SPEED = 0.005  # m/s, half of the last digit in which a speed is given (a choice)
 LABELS = {"joint_load": "joint and socket load", "metabolic": "metabolic estimate",
           "activation": "squared activations of the muscles",
           "push_off": "push-off work, negative", "tracking": "deviation from the consistent stride",
@@ -92,12 +95,15 @@ class StrideOptions(CommonOptions):
             `acceleration_m_per_s2` in that deviation; smooth_weight: of accelerations of that size beside a cost.
         torque_weight: of the squared joint moments in the tracking cost, to make the solution unique.
         smooth_power_w: power below which positive and negative work are rounded.
-        torque_nm_per_kg: largest joint moment. angle_margin_deg: how far an angle may leave the range of its recording.
+        torque_nm_per_kg: largest joint moment. angle_margin_deg: how far an angle may leave the range of its
+            recording and of able-bodied walking.
         clearance_m: least height of a foot over the ground in the middle of its swing.
         stages: of smoothing, the last of which counts.
-        speed_m_per_s: None for the recorded one.
+        speed_m_per_s: None for the recorded one, from which it must differ by more than SAME_SPEED to count.
         positions: how many fixed positions the sweep takes. time_limit_s: of one solve.
     """
+
+    costs: ClassVar[tuple[str, ...]] = FREE_COSTS
 
     design: tuple[str, ...] = choice((), options=DESIGN[1:], source="choice")
     iterations: int = quantity(200, unit="1", low=1, high=10000, source="choice")
@@ -249,7 +255,8 @@ class Stride:
     @cached_property
     def able_bodied(self) -> StrideReference:
         """Able-bodied walking at this speed."""
-        return normal_reference(self.gait, self.model, self.grid, self.advance_m, self.tilt_rad)
+        return normal_reference(self.gait, self.model, self.grid, self.advance_m, self.tilt_rad,
+                                self.options.late_share)
 
     @cached_property
     def function(self) -> StrideFunction:
@@ -270,7 +277,7 @@ class Stride:
         time and length change alike."""
         longer = float(np.sqrt(speed_m_per_s / self.speed))
         duration, layout, z = self.grid.duration_s / longer, self.function.layout, before.z.copy()
-        z[:, TX] *= longer
+        z[:, TX] = longer * (z[:, TX] - z[0, TX])
         for rank, part in enumerate((layout.v, layout.a), 1):
             z[:, part] *= longer**rank
         z[:, layout.v.start + TX] *= longer
@@ -370,7 +377,8 @@ class Stride:
 
     def problem(self, terms: Sequence[Term], fulcrum_mm: tuple[float, float], design: tuple[str, ...] = ()
                 ) -> collocation.TrajectoryProblem:
-        """The problem with the fulcrum within a range; equal ends fix it. design: of FREE, what else is free."""
+        """The problem with the fulcrum within a range; equal ends fix it. design: of FREE, what else is free. Where the
+        terms hold it to able-bodied walking, angles have the range of that beside their recorded one."""
         function, reference, options = self.function, self.reference, self.options
         layout, low, high = function.layout, OWN.copy(), OWN.copy()
         low[0], high[0] = fulcrum_mm[0] * MM, fulcrum_mm[1] * MM
@@ -378,8 +386,9 @@ class Stride:
             low[FREE.index(name)], high[FREE.index(name)] = options.design_bounds.get(name, RANGE[name])
         margin = np.radians(options.angle_margin_deg)
         z_low, z_high = (np.full((self.grid.instants, layout.size), end) for end in (-np.inf, np.inf))
-        both = np.concatenate([reference.q, self.able_bodied.q])[:, 3:]
-        z_low[:, 3:layout.n], z_high[:, 3:layout.n] = both.min(0) - margin, both.max(0) + margin
+        held = [self.able_bodied.q] if any(part.name == "normal" for part in terms) else []
+        angles = np.concatenate([reference.q, *held])[:, 3:]
+        z_low[:, 3:layout.n], z_high[:, 3:layout.n] = angles.min(0) - margin, angles.max(0) + margin
         z_low[0, TX] = z_high[0, TX] = reference.q[0, TX]  # where on level ground a stride begins nothing tells
         torque = options.torque_nm_per_kg * self.model.subject.mass_kg
         limits = [collocation.Limits(outputs=function.starting_with("torque_"), low=-torque, high=torque)]
@@ -415,7 +424,7 @@ mind torques that jump from instant to instant where a joint hardly turns, and t
 0, 0.1, 0.3, 0.5 it was 6.9, 5.6, 3.0, 2.0 % of body weight off (metabolic, `medium_1` of the exact tier, 40 intervals,
 held to its recording)."""
 UNBOUNDED = 10.0
-"""How much more the cost push_off alone is held to the recording: work has no end that it could come near."""
+"""How much more the cost push_off alone is held to able-bodied walking: work has no end that it could come near."""
 TYPICAL_LOAD = 0.05  # size of joint_load in walking, to which `torque_weight` refers
 TYPICAL_ACTIVATION = 0.5  # size of activation in walking, one for all persons: `normal_weight` is against it
 
