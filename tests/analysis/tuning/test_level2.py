@@ -359,37 +359,48 @@ def test_a_stride_at_another_speed_is_solved_for_there_and_the_recorded_one_stay
     assert held.weight == 4.0 * options.normal_weight and off[1] < off[0]
 
 
-@pytest.mark.parametrize(("chains", "order"), [
-    (False, [(80.0, "tracked"), (90.0, 80.0), (100.0, 90.0), (70.0, 80.0), (60.0, 70.0)]),
-    (True, [*((mm, "tracked") for mm in (60.0, 70.0, 80.0, 90.0, 100.0)),
-            (70.0, 60.0), (80.0, 70.0), (90.0, 80.0), (100.0, 90.0),
-            (90.0, 100.0), (80.0, 90.0), (70.0, 80.0), (60.0, 70.0)])])
-def test_a_sweep_goes_outward_from_the_recorded_setting_or_comes_to_every_position_from_all_sides(chains, order):
+def fake_search(reach_mm, own_m, positions, asked, converges=lambda mm: True, cost="activation"):
+    def at(mm, start, what, fraction=0.0):
+        asked.append((mm, start))
+        return SimpleNamespace(success=converges(mm), status="optimal", last_cost=1.0, last=mm)
+
+    def changed(**changes):
+        return SimpleNamespace(at=lambda mm, start, what: SimpleNamespace(success=True, status="optimal", last="bent"))
+
+    stride = SimpleNamespace(reach_mm=reach_mm, own_m=own_m, options=SimpleNamespace(positions=positions))
+    return SimpleNamespace(at=at, changed=changed, cost=cost, stride=stride)
+
+
+@pytest.mark.parametrize("chains", [False, True])
+def test_a_sweep_goes_outward_from_both_starts_and_comes_to_every_position_from_all_sides(chains):
     """Recorded at 81 mm; each search begins where that of the neighbour ended."""
     asked, rows = [], []
-
-    def at(mm, start, what, fraction):
-        asked.append((mm, start))
-        return SimpleNamespace(success=True, status="optimal", last_cost=1.0, last=mm)
-
-    search = SimpleNamespace(at=at, stride=SimpleNamespace(
-        reach_mm=(60.0, 100.0), own_m=0.081, options=SimpleNamespace(positions=5)))
-    swept(search, "tracked", rows, chains=chains)
-    assert asked == order and all(row.solution.last == row.fulcrum_mm for row in rows)
+    swept(fake_search((60.0, 100.0), 0.081, 5, asked), "tracked", rows, chains=chains)
+    outward = [(90.0, 80.0), (100.0, 90.0), (70.0, 80.0), (60.0, 70.0)]
+    sides = [(70.0, 60.0), (80.0, 70.0), (90.0, 80.0), (100.0, 90.0),
+             (90.0, 100.0), (80.0, 90.0), (70.0, 80.0), (60.0, 70.0)]
+    assert asked == [(80.0, "tracked"), *outward, (80.0, "bent"), *outward, *(sides if chains else [])]
+    assert all(row.solution.last == row.fulcrum_mm for row in rows)
 
 
-def test_beyond_a_position_without_a_stride_a_sweep_begins_anew_from_the_tracked_one():
+def test_a_recording_is_tracked_from_itself_alone_and_over_a_position_without_a_stride_a_sweep_goes_on():
     asked, rows = [], []
-
-    def at(mm, start, what, fraction):
-        asked.append((mm, start))
-        return SimpleNamespace(success=mm != 70.0, status="optimal", last_cost=1.0, last=mm)
-
-    search = SimpleNamespace(at=at, stride=SimpleNamespace(
-        reach_mm=(60.0, 80.0), own_m=0.08, options=SimpleNamespace(positions=3)))
+    search = fake_search((60.0, 80.0), 0.08, 3, asked, converges=lambda mm: mm != 70.0, cost="tracking")
     swept(search, "tracked", rows, chains=False)
-    assert asked == [(80.0, "tracked"), (70.0, 80.0), (60.0, "tracked")]
-    assert rows[1].solution is None and np.isnan(rows[1].tried["outward"])
+    assert asked == [(80.0, "tracked"), (70.0, 80.0), (60.0, 80.0)]
+    assert rows[1].solution is None and np.isnan(rows[1].tried["from the start"])
+
+
+def test_a_more_bent_knee_is_asked_of_the_prosthetic_side_alone(stride):
+    """By 10 degrees: of a stride that is able-bodied but for that, nothing deviates."""
+    y = np.zeros((stride.grid.instants, len(stride.function.names)))
+    y[:, stride.function.starting_with("q_")] = stride.able_bodied.q
+    for foot, force in stride.able_bodied.force.items():
+        y[:, stride.function.index(f"{foot}_fx", f"{foot}_fz")] = force
+    y[:, stride.function.index("q_knee_angle_r")] += np.radians(10.0)
+    bent = dataclasses.replace(stride, bend_rad=np.radians(10.0))
+    assert stride.model.subject.prosthetic_side == "right"
+    assert stride.value("normal", y) > 0.01 and bent.value("normal", y) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_activation_counts_alike_for_all_persons_and_other_costs_by_what_they_are_in_the_tracked_stride(stride):

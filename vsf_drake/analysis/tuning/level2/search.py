@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,10 @@ from vsf_drake.simulation.walk import Walker
 
 NEAR_ENOUGH = {"violation": 1e-6, "optimality": 2e-3, "gain": 1e-5}
 """Where a search for another cost than tracking ends: the last part of a thousand of a cost takes most of its time."""
-PASSES = ("cold", "upward", "downward")
-OUTWARD = ("outward",)  # from the position nearest to the recorded one, each from the neighbour before
+BENT_DEG = 10.0
+"""How much more the prosthetic knee is first asked to bend for a second start: strides with a straighter and with a
+more bent knee late in stance are optima both, up to 5 % apart, and from a recording either may be found. A choice:
+from 5 to 15 lead to the same stride (SYNTHETIC walks at 66, 108 and 151 mm)."""
 
 
 class StrideTuning:
@@ -138,26 +141,37 @@ def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None
     return solution
 
 
-def swept(search: StrideSearch, tracked_stride: Start, rows: list[Fixed], *, chains: bool) -> None:
-    """Fills `rows` outward from the recorded setting or, with `chains`, each from the tracked stride and from the
-    neighbours on both sides."""
+def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool) -> None:
+    """Fills `rows`: outward from the position nearest to the recorded one, each from the neighbour before, once from
+    the start and once from a stride with a more bent knee; with `chains`, each from its neighbours' best as well."""
     rows[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
-    passes = PASSES if chains else OUTWARD
     own = int(np.argmin([abs(row.fulcrum_mm - search.stride.own_m / MM) for row in rows]))
-    orders = {"cold": rows, "upward": rows, "downward": rows[::-1], "outward": rows[own:] + rows[own::-1]}
-    for number, kind in enumerate(passes):
-        before: TrajectorySolution | None = None
-        for done, row in enumerate(orders[kind]):
-            cold = kind == "cold" or (kind == "outward" and before is None)
-            start = tracked_stride if cold else None if before is None else before.last
-            if start is not None and not (kind == "outward" and kind in row.tried):
-                fraction = (number * len(rows) + done) / (len(passes) * len(rows))
-                solution = unless_interrupted(
-                    search.at(row.fulcrum_mm, start, f"{row.fulcrum_mm:.0f} mm, {kind} start", fraction))
-                row.tried[kind] = solution.last_cost if solution.success else float("nan")
-                if solution.success and (row.solution is None or solution.last_cost < row.solution.last_cost):
-                    row.solution = solution
-            before = row.solution
+    starts = {"from the start": start}
+    if search.cost != "tracking":
+        bent = unless_interrupted(search.changed(bend_rad=np.radians(BENT_DEG)).at(
+            rows[own].fulcrum_mm, start, "a more bent knee"))
+        starts |= {"from a more bent knee": bent.last} if bent.success else {}
+    count = (len(starts) + 2 * chains) * len(rows)
+
+    def tried(row: Fixed, kind: str, begin: Start) -> Start:
+        """Where the search ended; where it began, if it did not converge."""
+        solution = unless_interrupted(search.at(row.fulcrum_mm, begin, f"{row.fulcrum_mm:.0f} mm, {kind}",
+                                                sum(len(other.tried) for other in rows) / count))
+        row.tried[kind] = solution.last_cost if solution.success else float("nan")
+        if solution.success and (row.solution is None or solution.last_cost < row.solution.last_cost):
+            row.solution = solution
+        return solution.last if solution.success else begin
+
+    for kind, first in starts.items():
+        middle = tried(rows[own], kind, first)
+        for side in (rows[own + 1:], rows[:own][::-1]):
+            begin = middle
+            for row in side:
+                begin = tried(row, kind, begin)
+    for kind, order in (("upward", rows), ("downward", rows[::-1])) if chains else ():
+        for before, row in pairwise(order):
+            if before.solution is not None:
+                tried(row, kind, before.solution.last)
 
 
 def unless_interrupted(solution: TrajectorySolution) -> TrajectorySolution:

@@ -239,6 +239,7 @@ class Stride:
     grid: Grid
     smoothing: Smoothing
     consistent: TrajectorySolution | None = None  # the tracked stride, which stands for the recording from then on
+    bend_rad: float = 0.0  # by which the prosthetic knee is to be more bent than able-bodied, for a start
 
     @cached_property
     def reference(self) -> StrideReference:
@@ -336,7 +337,10 @@ class Stride:
         target, each = self.able_bodied, factor / self.grid.duration_s  # twice the half
         angle_sd = self.gait.angle_sd(self.model.coordinates)
         force_sd = self.model.weight * np.array([self.gait.sd[name] for name in FORCES])
-        angles = Residuals(outputs=self.function.starting_with("q_"), target=target.q,
+        knee = [name.startswith("knee") and name.endswith(self.model.subject.prosthetic_side[0])
+                for name in self.model.coordinates]
+        angles = Residuals(outputs=self.function.starting_with("q_"),
+                           target=target.q + np.where(knee, self.bend_rad, 0.0),
                            weight=each / np.isfinite(angle_sd).sum() / angle_sd**2)
         return [angles, *(Residuals(outputs=self.function.index(f"{foot}_fx", f"{foot}_fz"), target=force,
                                     weight=each / (2 * len(target.force)) / force_sd**2)
