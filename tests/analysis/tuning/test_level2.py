@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from vsf_drake.analysis.tuning.common import FREE_COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning, solve, stride_arrays, stride_table
-from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, outcomes, published_signs
+from vsf_drake.analysis.tuning.level2.outcomes import MEASURES, muscle_energy, outcomes, published_signs
 from vsf_drake.analysis.tuning.level2.saved import as_good
 from vsf_drake.analysis.tuning.level2.search import Fixed, Held, StrideSearch, StrideSolution, swept, tracked
 from vsf_drake.analysis.tuning.level2.stride import MM, STEADY, TYPICAL_ACTIVATION
@@ -19,6 +19,7 @@ from vsf_drake.analysis.validation.study import embedded_contact, embedded_trial
 from vsf_drake.collocation.solution import Start
 from vsf_drake.contact_file import load_contact
 from vsf_drake.errors import FitError, InputError
+from vsf_drake.laws.joint_strength import Muscles
 from vsf_drake.motion.fitted_trial import trial_with
 from vsf_drake.motion.trial import load_trial
 
@@ -202,6 +203,25 @@ def test_outcomes_have_the_signs_of_walking_and_those_of_a_slower_stride_its_tim
     for name in ("dorsiflexion", "knee_extension"):
         assert slower[name] == pytest.approx(found[name])
     assert slower["push_off_power"] < found["push_off_power"]
+
+
+def test_energy_of_the_muscles_is_their_power_over_real_time_and_length(stride, coarsely):
+    """The other way: rates from the angles over the time of a stride that takes 1.1 times as long. It is more than the
+    joints' positive work, a part of which passive tissue gives back."""
+    own, subject = dataclasses.replace(stride, grid=coarsely.problem.grid), stride.model.subject
+    start = Start(z=coarsely.last.z, p=np.append(coarsely.last.p[:-1], 1.1))
+    y = own.function.evaluate(start.z, start.p)
+    joints = stride.model.coordinates[3:]
+    time_s = 1.1 * np.append(own.grid.times_s, own.grid.duration_s)
+    angle = CubicSpline(time_s, np.vstack([start.z, start.z[:1]])[:, 3:3 + len(joints)], bc_type="periodic")
+    active = y[:, own.function.index(*(f"activation_{joint}" for joint in joints))].T
+    power = Muscles([joint.split("_")[0] for joint in joints], subject.sex, subject.mass_kg * 9.81 * subject.stature_m
+                    ).metabolic_power(active, angle(time_s[:-1]).T, angle(time_s[:-1], 1).T).sum(0)
+    mass_length = subject.mass_kg * 1.1 * own.advance_m
+    found = muscle_energy(SimpleNamespace(last=start, last_y=lambda: y), own)
+    assert found == pytest.approx(np.trapezoid(np.append(power, power[0]), time_s) / mass_length, rel=0.03)
+    work = np.maximum(y[:, own.function.starting_with("power_")], 0.0).sum(1)
+    assert found > np.trapezoid(np.append(work, work[0]), time_s) / mass_length
 
 
 def test_a_consistent_stride_is_what_it_was_made_of_and_both_feet_s_forces_are_known(stride, coarsely):
