@@ -30,7 +30,7 @@ from floor_of_the_reference_subject import RESULTS
 
 from vsf_drake.analysis.tuning.common import FREE_COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning
-from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, outcomes, published_signs
+from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, muscle_energy, outcomes, published_signs
 from vsf_drake.analysis.tuning.level2.search import StrideSearch, position_mm, tracked
 from vsf_drake.analysis.tuning.level2.stride import MM, Stride
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, resimulate_with_feedback
@@ -56,7 +56,8 @@ FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the chosen one, for the signs
 SOFT = Smoothing(depth_m=6e-3, rate_m_per_s=0.1, friction_velocity_m_per_s=0.2)  # for a first stride without any known
 SDS = 2.0  # standard deviations between persons within which a peak is able-bodied (a choice)
 SHOWN = ("stored_energy", "returned_energy", "push_off_work", "push_off_power", "dorsiflexion", "ankle_moment",
-         "knee_extension", "knee_flexor_moment", "intact_first_peak", "metabolic", "activation", "stride_time")
+         "knee_extension", "knee_flexor_moment", "intact_first_peak", "metabolic", "activation", "muscle_energy",
+         "stride_time")
 
 
 def exact(path: Path) -> Trial:
@@ -126,7 +127,8 @@ def _measured(stride: Stride, solution: TrajectorySolution) -> dict[str, float]:
     return {"stride_time": pace * stride.grid.duration_s, "step_length": 0.5 * pace * stride.advance_m,
             "first_peak": first, "second_peak": second,
             "ankle_power_w_per_kg": float(y[:, stride.function.index("prosthesis_power")[0]].max()
-                                          / stride.model.subject.mass_kg)}
+                                          / stride.model.subject.mass_kg),
+            "muscle_energy_j_per_kg_m": muscle_energy(solution, stride)}
 
 
 class Recorded:

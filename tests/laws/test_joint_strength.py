@@ -1,4 +1,4 @@
-"""What joints can do, against the definitions of the constants that the source gives."""
+"""What joints can do, against the definitions of the constants that the source gives, and what energy it takes."""
 
 import numpy as np
 import pytest
@@ -43,6 +43,37 @@ def test_a_torque_as_large_as_the_strength_in_its_direction_and_the_passive_one_
     largest = scale * np.array([[strength(flexion, q[0, 0], v[0, 0]), -strength(extension, q[0, 1], -v[0, 1])]])
     muscles = Muscles(("ankle",), "female", scale)
     assert muscles.activation(largest + muscles.passive_torque(q), q, v) == pytest.approx(np.array([[1.0, -1.0]]))
+
+
+@pytest.mark.parametrize("sex", ACTIVE)
+def test_a_muscle_that_holds_needs_a_share_of_its_torque_at_its_largest_rate(sex):
+    """0.054 of activation, isometric torque and the rate where the source's strength by rate is zero."""
+    scale, constants = 1400.0, np.array(list(ACTIVE[sex].values())).transpose(2, 0, 1)  # by joint and direction
+    c1, _, c3, c4, c5, _ = constants
+    rate = np.abs([[np.roots([b - 3.0 * a, 2.0 * a * b])[0] for a, b in zip(*way, strict=True)]
+                   for way in zip(c4, c5, strict=True)])
+    power = Muscles(tuple(ACTIVE[sex]), sex, scale).metabolic_power(np.array([[-0.3, 0.3]] * 3), c3, np.zeros((3, 2)))
+    assert power == pytest.approx(0.054 * 0.3 * c1 * scale * rate, rel=2e-3)
+
+
+@pytest.mark.parametrize(("sex", "joint", "way"), [
+    (sex, joint, way) for sex in ACTIVE for joint in ACTIVE[sex] for way in (-1.0, 1.0)])
+def test_shortening_takes_more_than_its_work_and_lengthening_less_than_holding(sex, joint, way):
+    """Where walking goes, to three quarters of the largest rate; phi at a tenth of it either way is in the ratios."""
+    constants = ACTIVE[sex][joint][int(way > 0.0)]
+    _, _, c3, c4, c5, _ = constants
+    shortening, angle = abs(2.0 * c4 * c5 / (c5 - 3.0 * c4)) * np.linspace(-1.0, 0.75, 36), np.full((1, 36), c3)
+    power = Muscles((joint,), sex, 1.0).metabolic_power(np.full((1, 36), way), angle, way * shortening[None])[0]
+    assert np.all(power > np.maximum(strength(constants, angle, shortening[None])[0] * shortening, 0.0))
+    longer, still, shorter = power[[18, 20, 22]]
+    assert longer / still == pytest.approx(0.0280 / 1.24264 / 0.054) and shorter / still == pytest.approx(
+        0.1292 / 1.01336 / 0.054)
+
+
+def test_what_passive_tissue_bears_takes_no_energy():
+    muscles, q, v = Muscles(("hip", "ankle"), "male", 1400.0), np.array([[-0.4, 0.9], [0.3, -0.5]]), np.ones((2, 2))
+    assert np.abs(muscles.passive_torque(q)).min() > 1e-3
+    assert muscles.metabolic_power(muscles.activation(muscles.passive_torque(q), q, v), q, v) == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("torque", [30.0, 1.0, -40.0])

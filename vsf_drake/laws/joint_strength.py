@@ -1,19 +1,29 @@
-"""How strong hips, knees and ankles are, and what of that a torque takes: activation.
+"""How strong hips, knees and ankles are, what of that a torque takes (activation), and what energy this needs.
 
     strength    c1 m g h  cos(c2 (q - c3))  (2 c4 c5 + s (c5 - 3 c4)) / (2 c4 c5 + s (2 c5 - 4 c4))  (1 - c6 min(v, 0))
     passive     b1 exp(k1 q) + b2 exp(k2 q), N m against flexion
     activation  (torque - passive) / strength of its direction
+    power       |activation| c1 m g h cos(c2 (q - c3)) w phi(v / w),  w = |2 c4 c5 / (c5 - 3 c4)|
+                phi(x) = (0.054 + 0.506 x + 2.46 x^2) / (1 - 1.13 x + 12.8 x^2 - 1.64 x^3)
 
 q is the joint's flexion (rad), of the ankle dorsiflexion; v its rate in the direction of the torque (rad/s), positive
-where muscles shorten; s = |v|; m, h mass (kg) and stature (m), g 9.81 m/s^2. Anderson, Madigan & Nussbaum 2007, Journal
-of Biomechanics 40:3105-3113, doi 10.1016/j.jbiomech.2007.03.022: dynamometer, healthy adults; here the means of those
-from 18 to 25 years. The paper was out of reach: Table 3 and equation 1 were read in RBDL's muscle add-on
-(Millard2016TorqueMuscle), equation 9 in ProtoMotions' human model.
+where muscles shorten; s = |v|; w the largest rate (rad/s); m, h mass (kg) and stature (m), g 9.81 m/s^2. Anderson,
+Madigan & Nussbaum 2007, Journal of Biomechanics 40:3105-3113, doi 10.1016/j.jbiomech.2007.03.022: dynamometer, healthy
+adults; here the means of those from 18 to 25 years. The paper was out of reach: Table 3 and equation 1 were read in
+RBDL's muscle add-on (Millard2016TorqueMuscle), equation 9 in ProtoMotions' human model.
 
-What is not the source's (choices): within LITTLE of m g h one direction's strength goes smoothly over to the other's;
-the corners of s and min(v, 0) are rounded over SLOW, so that strength at rest is up to 6 % less; neither factor falls
-below LEAST_BY_ANGLE and LEAST_BY_RATE, rounded over LEAST_WIDTH, since outside of the angles that were measured the
-cosine goes to zero.
+power is metabolic, heat and work: Minetti & Alexander 1997, Journal of Theoretical Biology 186:467-476, doi
+10.1006/jtbi.1997.0407. The paper was out of reach: phi was read in GaitSym (MAMuscleComplete) and BioMAC-Sim-Toolbox
+(getErate_Minetti), which agree; Moco's of 2019 (MinettiAlexander1997Metabolics) multiplies by 0.054 where they add it.
+w was read in RBDL's muscle add-on: there strength comes to zero, but of the ankle's extension, for which the equation
+has no such rate and the magnitude stands. In GaitSym phi goes with a hyperbola of force by rate; Anderson's strength
+falls more slowly, so that shortening takes too little: 0.9 of the power is work at a hip's half of w, and of
+the ankle's extension more than all beyond 0.8 w.
+
+What is not the sources' (choices): each direction of a joint is one muscle, and of two only one works; within LITTLE of
+m g h one direction's strength goes smoothly over to the other's; the corners of s and min(v, 0) are rounded over SLOW,
+so that strength at rest is up to 6 % less; neither factor falls below LEAST_BY_ANGLE and LEAST_BY_RATE, rounded over
+LEAST_WIDTH, since outside of the angles that were measured the cosine goes to zero.
 """
 
 from __future__ import annotations
@@ -73,14 +83,33 @@ class Muscles:
         flexion = 1.0 / strength(self._flexion, angle, rate)
         return np.asarray(active * (extension + (flexion - extension) * smooth_step(0.5 * (active / LITTLE + 1.0))))
 
+    def metabolic_power(self, activation: np.ndarray, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """(J, N) W, heat and work of the muscles of each joint; passive torques need none.
+
+        activation: positive toward flexion; angle, rate: the flexion, rad, rad/s.
+        """
+        flexes = activation > 0.0
+        constants = np.where(flexes, self._flexion, self._extension)
+        _, _, _, c4, c5, _ = constants
+        largest = np.abs(2.0 * c4 * c5 / (c5 - 3.0 * c4))
+        x = np.where(flexes, rate, -rate) / largest
+        phi = (0.054 + x * (0.506 + x * 2.46)) / (1.0 + x * (-1.13 + x * (12.8 - x * 1.64)))
+        return np.asarray(np.abs(activation) * self.scale * isometric(constants, angle) * largest * phi)
+
+
+def isometric(constants: Sequence[float] | np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """(...) the strength at rest over m g h, of flexion (rad); constants: see `strength`."""
+    c1, c2, c3, *_ = constants
+    by_angle = np.cos(c2 * (angle - c3)) - LEAST_BY_ANGLE
+    return np.asarray(c1 * (LEAST_BY_ANGLE + rounded_positive_part(by_angle, LEAST_WIDTH)))
+
 
 def strength(constants: Sequence[float] | np.ndarray, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """(...) the largest torque over m g h, of flexion (rad) and its rate in the torque's direction (rad/s); constants:
     c1 to c6, numbers or arrays that broadcast."""
-    c1, c2, c3, c4, c5, c6 = constants
+    _, _, _, c4, c5, c6 = constants
     shorter, longer = rounded_positive_part(rate, SLOW), rounded_positive_part(-rate, SLOW)
     speed = shorter + longer
     by_rate = (2.0 * c4 * c5 + speed * (c5 - 3.0 * c4)) / (2.0 * c4 * c5 + speed * (2.0 * c5 - 4.0 * c4))
-    by_angle, by_rate = np.cos(c2 * (angle - c3)) - LEAST_BY_ANGLE, by_rate * (1.0 + c6 * longer) - LEAST_BY_RATE
-    return np.asarray(c1 * (LEAST_BY_ANGLE + rounded_positive_part(by_angle, LEAST_WIDTH))
-                      * (LEAST_BY_RATE + rounded_positive_part(by_rate, LEAST_WIDTH)))
+    by_rate = by_rate * (1.0 + c6 * longer) - LEAST_BY_RATE
+    return np.asarray(isometric(constants, angle) * (LEAST_BY_RATE + rounded_positive_part(by_rate, LEAST_WIDTH)))

@@ -31,6 +31,7 @@ KINDS = {
     "metabolic": ("joint-work estimate of metabolic energy", "J/(kg m)"),
     "joint_load": ("squared joint and socket load", "1"),
     "activation": ("squared activations of the muscles", "1"),
+    "muscle_energy": ("metabolic energy of the muscles by their activation", "J/(kg m)"),
     "stride_time": ("time of a stride", "s"),
     "stride_length": ("length of a stride", "m"),
     "motion_change": ("root mean square change of the joint angles from the recording", "deg"),
@@ -96,9 +97,20 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
         "knee_extension": float(-np.degrees((column(f"q_{knee_p}") + socket_bends)[late].min())),
         "socket_moment": largest("force_socket_flexion"), "metabolic": stride.value("metabolic", y) / stride.advance_m,
         "joint_load": stride.value("joint_load", y), "activation": stride.value("activation", y),
+        "muscle_energy": muscle_energy(solution, stride),
         "stride_time": pace * stride.grid.duration_s,
         "stride_length": pace * stride.advance_m, "motion_change": changed,
         "force_change": float(np.sqrt(max(force)) / weight) if force else float("nan")}
+
+
+def muscle_energy(solution: TrajectorySolution, stride: Stride) -> float:
+    """J/(kg m), heat and work of the muscles over the length of a solved stride; rest is not in it."""
+    model, last = stride.model, solution.last
+    q, v, *_ = stride.function.parts(last.z, last.p)
+    activation = solution.last_y()[:, stride.function.starting_with("activation_")].T
+    power = stride.function.muscles.metabolic_power(activation, q[3:], v[3:]).sum(0)
+    # Time and length both go with the pace, which so cancels.
+    return float(stride.grid.weights @ power) / (model.subject.mass_kg * stride.advance_m)
 
 
 def published_signs(strides: Sequence[dict[str, float]]) -> dict[str, bool | None]:

@@ -142,36 +142,35 @@ def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None
 
 
 def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool) -> None:
-    """Fills `rows`: outward from the position nearest to the recorded one, each from the neighbour before, once from
-    the start and once from a stride with a more bent knee; with `chains`, each from its neighbours' best as well."""
+    """Fills `rows`: outward from the position nearest to the recorded one, each from the neighbour before; then from a
+    stride with a more bent knee at the softest position on; with `chains`, each from its neighbours' best as well."""
     rows[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
     own = int(np.argmin([abs(row.fulcrum_mm - search.stride.own_m / MM) for row in rows]))
-    starts = {"from the start": start}
+
+    def along(order: Sequence[Fixed], kind: str, begin: Start) -> Start:
+        """Each from where the one before ended, if that converged. Returns where the first one ended."""
+        ends = [begin]
+        for row in order:
+            solution = unless_interrupted(search.at(row.fulcrum_mm, ends[-1], f"{row.fulcrum_mm:.0f} mm, {kind}",
+                                                    sum(len(other.tried) for other in rows) / count))
+            row.tried[kind] = solution.last_cost if solution.success else float("nan")
+            if solution.success and (row.solution is None or solution.last_cost < row.solution.last_cost):
+                row.solution = solution
+            ends.append(solution.last if solution.success else ends[-1])
+        return ends[1]
+
+    count = (2 + 2 * chains) * len(rows)
+    middle = along(rows[own:], "outward", start)
+    if own:
+        along(rows[:own][::-1], "outward", middle)
     if search.cost != "tracking":
-        bent = unless_interrupted(search.changed(bend_rad=np.radians(BENT_DEG)).at(
-            rows[own].fulcrum_mm, start, "a more bent knee"))
-        starts |= {"from a more bent knee": bent.last} if bent.success else {}
-    count = (len(starts) + 2 * chains) * len(rows)
-
-    def tried(row: Fixed, kind: str, begin: Start) -> Start:
-        """Where the search ended; where it began, if it did not converge."""
-        solution = unless_interrupted(search.at(row.fulcrum_mm, begin, f"{row.fulcrum_mm:.0f} mm, {kind}",
-                                                sum(len(other.tried) for other in rows) / count))
-        row.tried[kind] = solution.last_cost if solution.success else float("nan")
-        if solution.success and (row.solution is None or solution.last_cost < row.solution.last_cost):
-            row.solution = solution
-        return solution.last if solution.success else begin
-
-    for kind, first in starts.items():
-        middle = tried(rows[own], kind, first)
-        for side in (rows[own + 1:], rows[:own][::-1]):
-            begin = middle
-            for row in side:
-                begin = tried(row, kind, begin)
+        softest = rows[0].fulcrum_mm, rows[0].solution.last if rows[0].solution else start
+        bent = unless_interrupted(search.changed(bend_rad=np.radians(BENT_DEG)).at(*softest, "a more bent knee"))
+        along(rows, "from a more bent knee", bent.last)
     for kind, order in (("upward", rows), ("downward", rows[::-1])) if chains else ():
         for before, row in pairwise(order):
             if before.solution is not None:
-                tried(row, kind, before.solution.last)
+                along([row], kind, before.solution.last)
 
 
 def unless_interrupted(solution: TrajectorySolution) -> TrajectorySolution:

@@ -149,7 +149,7 @@ class StrideFunction:
     Outputs are those of `SagittalModel.evaluate`; FOOT_cop_moment, the ground's moment (N m) about +y at the
     reference's centre of pressure; activation_* of the joints; q_* and a_*, the coordinates and their accelerations
     themselves, for what compares with a reference. cop_x: by foot (N,) m, where that moment counts. speed: m/s. names:
-    (m,) of the outputs.
+    (m,) of the outputs. muscles: of the joints, in the order of the coordinates.
     """
 
     def __init__(self, model: SagittalModel, smoothing: Smoothing, cop_x: Mapping[str, np.ndarray], speed: float
@@ -163,7 +163,7 @@ class StrideFunction:
         self._feet = [(model.outputs.index(f"{foot}_my"), model.outputs.index(f"{foot}_fz"), x)
                       for foot, x in cop_x.items()]
         subject = model.subject
-        self._muscles = Muscles([joint.split("_")[0] for joint in joints], subject.sex,
+        self.muscles = Muscles([joint.split("_")[0] for joint in joints], subject.sex,
                                 subject.mass_kg * GRAVITY_OF_SOURCE * subject.stature_m)
         self._torques = [model.outputs.index(f"torque_{joint}") for joint in joints]
         self._moved = [model.coordinates.index(joint) for joint in joints]
@@ -201,7 +201,7 @@ class StrideFunction:
 
     def _whole(self, y: np.ndarray, q: np.ndarray, v: np.ndarray, z: np.ndarray, pace: float) -> np.ndarray:
         moments = [y[my] + x * y[fz] for my, fz, x in self._feet]
-        active = self._muscles.activation(y[self._torques], q[self._moved], v[self._moved])
+        active = self.muscles.activation(y[self._torques], q[self._moved], v[self._moved])
         return np.concatenate([np.concatenate([y, np.stack(moments), active]).T, z[:, self.layout.q],
                                z[:, self.layout.a] / pace**2], axis=1)
 
@@ -209,7 +209,7 @@ class StrideFunction:
         """(joints, 52, N) by what `SagittalModel.evaluate` is given; of the law by complex steps."""
         of = np.stack([y[self._torques], q[self._moved], v[self._moved]])
         steps = of[:, None] + 1j * IMAGINARY_STEP * np.eye(3)[:, :, None, None]
-        by_torque, by_angle, by_rate = self._muscles.activation(*steps).imag / IMAGINARY_STEP
+        by_torque, by_angle, by_rate = self.muscles.activation(*steps).imag / IMAGINARY_STEP
         rows, each, moved = by_torque[:, None] * by[self._torques], np.arange(len(self._moved)), np.array(self._moved)
         rows[each, moved] += by_angle
         rows[each, len(q) + moved] += by_rate
