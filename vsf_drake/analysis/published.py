@@ -2,8 +2,8 @@
 
 An effect is a sign: what a measure does from the softer to the stiffer foot. The model has it if its means move that
 way from every setting to the next stiffer one, and further in all than repetitions scatter. What a foot does under one
-load, or in walks of their own motion at each setting, may be held against people; the same motion at every setting may
-not: a stiffer spring that is pressed as far stores more, and nobody walks so.
+load, in walks of their own motion at each setting, or in strides that adapt to it, may be held against people; the same
+motion at every setting may not: a stiffer spring that is pressed as far stores more, and nobody walks so.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Evidence:
     """What the model has of a measure, in one way."""
 
     measure: str  # as the published table calls it
-    way: str  # LOAD or OWN_MOTION
+    way: str  # LOAD, OWN_MOTION or LEVEL_2
     unit: str
     stands: str  # what the model's number is
     values: tuple[tuple[float, ...], ...]  # for each setting, softest first, one a repetition

@@ -182,6 +182,18 @@ def test_a_free_fulcrum_is_at_least_as_good_as_where_it_was_freed(tuning, stride
     assert 66.0 < free.p[0] / MM < 151.0
 
 
+def test_a_foot_that_pushes_forward_works_on_the_centre_of_mass_by_its_force_times_the_speed(stride):
+    """The prosthetic foot bears the weight and pushes with 100 N, the other brakes by as much: the speed stays, and
+    late in stance the work is 100 N times the speed times that time."""
+    y = np.zeros((stride.grid.instants, len(stride.function.names)))
+    y[:, stride.function.index("prosthetic_fx", "prosthetic_fz")] = 100.0, stride.model.weight
+    y[:, stride.function.index("intact_fx")] = -100.0
+    start = stride.start(stride.own_m / MM)
+    found = outcomes(SimpleNamespace(last=start, last_y=lambda: y), stride)
+    late_s = stride.grid.weights @ (stride.reference.late & stride.reference.stance["prosthetic"])
+    assert found["com_push_off_work"] == pytest.approx(100.0 * stride.speed * late_s / stride.model.subject.mass_kg)
+
+
 @pytest.fixture(scope="module")
 def coarsely(stride):
     """The recorded stride as a possible motion on 20 intervals."""

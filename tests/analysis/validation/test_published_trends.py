@@ -9,7 +9,8 @@ import pytest
 from command_line import exit_code, read_json
 from made_study import embedded_study
 
-from vsf_drake.analysis.published import LOAD, OWN_MOTION
+from vsf_drake.analysis.published import CANNOT_SAY, LEVEL_2, LOAD, OWN_MOTION
+from vsf_drake.analysis.validation import published_trends as trends_of_a_study
 from vsf_drake.analysis.validation.published_trends import own_motion_evidence, published_trends
 from vsf_drake.files import plain, record
 from vsf_drake.report.validation.output import PUBLISHED, write_published
@@ -17,7 +18,10 @@ from vsf_drake.report.validation.output import PUBLISHED, write_published
 
 @pytest.fixture(scope="module")
 def table():
-    return published_trends(embedded_study())
+    """Without strides that adapt, which take longest."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trends_of_a_study, "level_2_evidence", lambda study, progress: ([], ["medium_1: not asked."]))
+        return published_trends(embedded_study())
 
 
 def test_every_row_names_its_way_and_the_synthetic_walks_are_called_so(table):
@@ -32,6 +36,12 @@ def test_own_motion_is_each_walk_at_its_own_setting(table):
     """What is stored in a stance is what the energy section finds of the same walk: some joules over the weight."""
     stored = next(row for row in table.rows if row.way == OWN_MOTION and row.measure == "energy stored")
     assert len(stored.values) == 3 and all(0.02 < value < 0.4 for value in stored.values)
+
+
+def test_what_could_not_be_asked_of_strides_that_adapt_is_told(table):
+    assert table.missing == ("medium_1: not asked.",)
+    row = next(row for row in table.rows if row.measure == "knee extension")
+    assert row.verdict == CANNOT_SAY and "level 2" in row.reason
 
 
 def test_own_motion_of_one_setting_says_what_it_needs():
@@ -60,9 +70,15 @@ def test_against_anything_else_is_refused(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_the_command_writes_what_the_study_stores(tmp_path, capsys):
+def test_the_command_writes_what_the_study_stores_and_a_stride_that_adapts_goes_the_way_of_equal_load(tmp_path, capsys):
+    """A softer setting turns farther and stores more, whether the load is given or the person's."""
     assert exit_code("validate", "--against", "published", "--quick", "--out", tmp_path) == 0
     assert "published rows" in capsys.readouterr().out
     rows = read_json(tmp_path / PUBLISHED.table)["rows"]
     assert {"source", "measure", "published", "model", "way", "verdict"} <= set(rows[0])
+    for measure in ("energy stored", "dorsiflexion"):
+        by_way = {row["way"]: row["values"] for row in rows if row["measure"] == measure}
+        for values in (by_way[LEVEL_2], by_way[LOAD]):
+            assert len(values) == 3 and values[0] > values[-1] > 0.0, measure
+    assert all(row["way"] == LEVEL_2 for row in rows if row["measure"] == "knee extension")
     assert exit_code("report", tmp_path) == 0

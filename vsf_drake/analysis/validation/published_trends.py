@@ -1,18 +1,23 @@
-"""The model held against published effects of stiffness: under one load, and in walks of their own motion.
+"""The model held against published effects of stiffness: under one load, in walks of their own motion, and in strides
+that adapt (level 2 of a tuning).
 
-Level 1 of a tuning keeps the motion, so it has no say here; level 2, whose motion adapts, is not asked here.
+Level 1 of a tuning keeps the motion, so it has no say here.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from vsf_drake.analysis.published import LOAD, OWN_MOTION, Evidence, Trend, published_effects, trends
+from vsf_drake.analysis.published import LEVEL_2, LOAD, OWN_MOTION, Evidence, Trend, published_effects, trends
 from vsf_drake.analysis.stiffness_map.cells import Cell, iso_22675, roll_cells, with_heel
+from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning
+from vsf_drake.analysis.tuning.level2.outcomes import KINDS, MEASURES, outcomes
+from vsf_drake.analysis.tuning.level2.search import Fixed, StrideSearch, held_by, swept, tracked, unless_interrupted
 from vsf_drake.analysis.validation.energy_section import EnergyCase, walk_cases
 from vsf_drake.analysis.validation.roll_over_section import (
     DURATION_S,
@@ -23,19 +28,19 @@ from vsf_drake.analysis.validation.roll_over_section import (
     walked_shapes,
 )
 from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk, reached
-from vsf_drake.errors import SimulationError
+from vsf_drake.errors import InputError, SimulationError
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.simulation.archive import provenance
 
 FORMAT = "vsf_drake published trends 1"
 STEPS_S = {False: 2.5e-4, True: 2e-3}  # of the walks whose energy is told, by whether it is the quick form
 HEELS, HEEL_AT_M = (0.5, 1.0, 2.0), 0.108
-_FEEDS = "the force is given under a load, and a synthetic strike is no person's"
-_MOTION = "the motion of a SYNTHETIC person was made, and does not answer the setting; a person's would be needed"
-WHY_NOT = {
-    "knee extension": _MOTION, "first peak of the sound side": _MOTION,
-    "centre-of-mass push-off work": "the work on the centre of mass is the person's: level 2",
-    "metabolic cost": "the cost of walking is the person's: level 2", "heel loading rate": _FEEDS,
+WEIGHTS = 0.5, 1.0, 2.0  # of the chosen weight of able-bodied walking, by which strides that adapt are held
+ADAPTED = MEASURES | {"first peak of the sound side": "intact_first_peak", "metabolic cost": "muscle_energy",
+                      "centre-of-mass push-off work": "com_push_off_work"}
+"""By measure: the outcome of a stride that adapts which stands for it."""
+WHY_NOT = dict.fromkeys(ADAPTED, "the person's own, and no stride that adapts (level 2) was found") | {
+    "heel loading rate": "the force is given under a load, and a synthetic strike is no person's",
     "energy taken in early": "the pylon's stiffness is not a setting of the model",
     "preferred stiffness against body mass": "the model prefers nothing"}
 """By measure: why there is no evidence of it, whatever the trials."""
@@ -66,12 +71,14 @@ def published_trends(study: Study, *, progress: Progress | None = None) -> Trend
     settings = reached(study.model.foot, QUICK_POSITIONS_M)
     show("rolling the foot", 0.0)
     loaded = load_evidence(study.model.foot, settings, mass_kg=mass, steps=QUICK_ISO_STEPS if quick else ISO_STEPS)
-    walked, missing = own_motion_evidence(study, progress=lambda f: show("walking in small steps", 0.1 + 0.9 * f))
-    rows = tuple(trends([*loaded, *walked], published_effects(), why_not=WHY_NOT))
+    walked, missing = own_motion_evidence(study, progress=lambda f: show("walking in small steps", 0.1 + 0.2 * f))
+    adapted, failed = level_2_evidence(study, progress=lambda what, f: show(what, 0.3 + 0.7 * f))
+    rows = tuple(trends([*loaded, *walked, *adapted], published_effects(), why_not=WHY_NOT))
     return TrendTable(
         format=FORMAT, synthetic=study.synthetic, settings_mm=tuple(1e3 * x for x in settings),
         walked_mm=tuple(study.conditions()), walks=len(study.walks), mass_kg=mass,
-        level_1="not applicable: it keeps the motion", rows=rows, missing=tuple(missing), inputs=dict(study.inputs),
+        level_1="not applicable: it keeps the motion", rows=rows, missing=(*missing, *failed),
+        inputs=dict(study.inputs),
         counts={verdict: sum(row.verdict == verdict for row in rows) for verdict in sorted({r.verdict for r in rows})},
         provenance=provenance())
 
@@ -148,6 +155,46 @@ def own_motion_evidence(study: Study, *, progress: Callable[[float], None] | Non
     made = "; SYNTHETIC walks, which are no adaptation of a person" if study.synthetic else ""
     return [Evidence(measure=measure, way=OWN_MOTION, unit=stands[measure][0], stands=stands[measure][1] + made,
                      values=tuple(map(tuple, by_setting.values()))) for measure, by_setting in found.items()], missing
+
+
+def level_2_evidence(study: Study, *, progress: Progress | None = None) -> tuple[list[Evidence], list[str]]:
+    """What strides that adapt have at the softest, a middle and the stiffest setting, squared activations least: a
+    repetition for the first walk of each setting and each of WEIGHTS, in the quick form for one walk and one weight;
+    and what is not there."""
+    show = progress or (lambda what, fraction: None)
+    first = [own[0] for own in study.conditions().values()]
+    walks, weights = ([first[len(first) // 2]], (1.0,)) if study.options.quick else (first, WEIGHTS)
+    strides: list[list[dict[str, float]]] = []
+    missing = []
+    for i, walk in enumerate(walks):
+        def each(what: str, fraction: float, i: int = i, label: str = walk.label) -> None:
+            show(f"{label}, adapting: {what}", (i + fraction) / len(walks))
+
+        try:
+            tuning = StrideTuning([walk.trial], cost="activation", options=StrideOptions(intervals=20, positions=3))
+            recorded = unless_interrupted(tracked(tuning.stride, each))
+            search = StrideSearch(dataclasses.replace(tuning.stride, consistent=recorded), "activation", progress=each)
+            sweep: list[Fixed] = []
+            if recorded.success:
+                swept(search, recorded.last, sweep, chains=False)
+        except (InputError, SimulationError) as error:
+            missing.append(f"{walk.label}, adapting: {error}")
+            continue
+        settings = [(row.fulcrum_mm, row.solution) for row in sweep if row.solution is not None]
+        for weight in weights:
+            other, found = held_by(search, weight * tuning.options.normal_weight, settings)
+            if len(found) == search.stride.options.positions and all(solution.success for solution in found):
+                strides.append([outcomes(solution, other.stride) for solution in found])
+            else:
+                missing.append(f"{walk.label}, adapting: no stride at each setting with weight {weight:g}.")
+    mass, evidence = study.walks[0].recorded.subject.mass_kg, []
+    made = "; from SYNTHETIC walks" if study.synthetic else ""
+    for measure, name in ADAPTED.items() if strides else ():
+        label, unit = KINDS[name]
+        size, unit = (mass, "J/kg") if unit == "J" else (1.0, unit)
+        evidence.append(Evidence(measure=measure, way=LEVEL_2, unit=unit, stands=label + made, values=tuple(
+            tuple(rows[i][name] / size for rows in strides) for i in range(len(strides[0])))))
+    return evidence, missing
 
 
 def _late_flexor_moment(walk: StudyWalk, start_s: float, end_s: float) -> float:

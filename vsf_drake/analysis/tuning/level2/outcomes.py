@@ -6,15 +6,18 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from vsf_drake.analysis.published import LEAST_CHANGE, published_effects
 from vsf_drake.analysis.tuning.level2.stride import Stride
 from vsf_drake.collocation.solution import TrajectorySolution
+from vsf_drake.parameters import GRAVITY
 from vsf_drake.simulation.sagittal.model import SOCKET
 
 KINDS = {
     "push_off_work": ("push-off work on the residual limb", "J/kg"),
     "push_off_power": ("largest power of the prosthesis on its socket", "W/kg"),
+    "com_push_off_work": ("push-off work of the prosthetic leg on the centre of mass", "J/kg"),
     "stored_energy": ("largest energy in keel and support", "J"),
     "returned_energy": ("positive work of the prosthesis on its socket over stance", "J"),
     "dorsiflexion": ("largest turn of the keel's end, toe up", "deg"),
@@ -86,7 +89,9 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
              for foot, known in reference.force.items() if reference.known[foot].any()]
     pace = float(last.p[-1])
     return {
-        "push_off_work": -pace * stride.value("push_off", y), "stored_energy": float(column("stored_energy").max()),
+        "push_off_work": -pace * stride.value("push_off", y), "com_push_off_work": _work_on_the_centre_of_mass(
+            y[:, index("prosthetic_fx", "prosthetic_fz")], y[:, index("intact_fx", "intact_fz")], late, stride, pace),
+        "stored_energy": float(column("stored_energy").max()),
         "push_off_power": float(power[late].max() / mass),
         "returned_energy": pace * float(stride.grid.weights @ np.maximum(power, 0.0)),
         "dorsiflexion": float(np.degrees(turn.max())), "ankle_moment": float(-moment.min() / mass),
@@ -101,6 +106,16 @@ def outcomes(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
         "stride_time": pace * stride.grid.duration_s,
         "stride_length": pace * stride.advance_m, "motion_change": changed,
         "force_change": float(np.sqrt(max(force)) / weight) if force else float("nan")}
+
+
+def _work_on_the_centre_of_mass(own: np.ndarray, other: np.ndarray, late: np.ndarray, stride: Stride, pace: float
+                                ) -> float:
+    """J/kg, the positive work of a foot's force (N, 2) N late in its stance; the velocity follows from both forces, at
+    the stride's speed and with no way up on average."""
+    mass, grid = stride.model.subject.mass_kg, stride.grid
+    v = cumulative_trapezoid((own + other) / mass - [0.0, GRAVITY], pace * grid.times_s, axis=0, initial=0.0)
+    v += [stride.speed, 0.0] - grid.weights @ v / grid.duration_s
+    return pace * float(grid.weights @ (late * np.maximum((own * v).sum(axis=1), 0.0))) / mass
 
 
 def muscle_energy(solution: TrajectorySolution, stride: Stride) -> float:

@@ -173,6 +173,14 @@ def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool
                 along([row], kind, before.solution.last)
 
 
+def held_by(search: StrideSearch, weight: float, settings: Sequence[tuple[float, TrajectorySolution]]
+            ) -> tuple[StrideSearch, tuple[TrajectorySolution, ...]]:
+    """The search with another weight of able-bodied walking, and its strides at fixed positions (mm) from others."""
+    other = search.changed(options=dataclasses.replace(search.stride.options, normal_weight=weight))
+    return other, tuple(unless_interrupted(other.at(mm, solution.last, f"weight {weight:g}, {mm:.0f} mm", 0.85))
+                        for mm, solution in settings)
+
+
 def unless_interrupted(solution: TrajectorySolution) -> TrajectorySolution:
     """The solution, unless Ctrl-C ended it."""
     if solution.status == "interrupted":

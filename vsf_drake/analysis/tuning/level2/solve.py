@@ -20,6 +20,7 @@ from vsf_drake.analysis.tuning.level2.search import (
     StrideSearch,
     StrideSolution,
     StrideTuning,
+    held_by,
     position_mm,
     swept,
     tracked,
@@ -138,9 +139,7 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
     if result.tuning.cost != "tracking":
         for factor in options.hold_factors:
             weight = factor * options.normal_weight
-            other = search.changed(options=dataclasses.replace(options, normal_weight=weight))
-            over = tuple(unless_interrupted(other.at(mm, solution.last, f"weight {weight:g}, {mm:.0f} mm", 0.85))
-                         for mm, solution in result.settings)
+            other, over = held_by(search, weight, result.settings)
             free = unless_interrupted(other.free(best.last, f"weight {weight:g}", 0.88))
             result.held.append(Held(weight, over, free))
     if len(result.settings) < 3 or not all(solution.success for held in result.held for solution in held.over):
