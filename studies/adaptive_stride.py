@@ -5,9 +5,9 @@
     found        a recorded stride is made consistent at its own fulcrum; tracked with the fulcrum free, from three
                  starts, does it find that position? And the recording itself?
     costs        of a stride at each setting, for each cost: how long a search takes, and how far the full model is off
-    starts       where searches from three settings end, fulcrum free
     speeds       nine positions at each of three speeds, and with the fulcrum free
-    signs        which published signs stiffness has, for each weight and each setting of the recording
+    signs        which published signs stiffness has, for each weight and each setting of the recording, and where
+                 searches from three settings end, fulcrum free
 
 The results are in studies/results/adaptive_stride.json; the whole takes some twenty minutes.
 """
@@ -30,8 +30,8 @@ from floor_of_the_reference_subject import RESULTS
 
 from vsf_drake.analysis.tuning.common import FREE_COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning
-from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, muscle_energy, outcomes, published_signs
-from vsf_drake.analysis.tuning.level2.search import StrideSearch, position_mm, tracked
+from vsf_drake.analysis.tuning.level2.outcomes import SIGNS_OF, muscle_energy, outcomes, published_signs, steady_signs
+from vsf_drake.analysis.tuning.level2.search import Fixed, StrideSearch, position_mm, swept, tracked
 from vsf_drake.analysis.tuning.level2.stride import MM, Stride
 from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescribed, resimulate_with_feedback
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
@@ -56,8 +56,8 @@ FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the chosen one, for the signs
 SOFT = Smoothing(depth_m=6e-3, rate_m_per_s=0.1, friction_velocity_m_per_s=0.2)  # for a first stride without any known
 SDS = 2.0  # standard deviations between persons within which a peak is able-bodied (a choice)
 SHOWN = ("stored_energy", "returned_energy", "push_off_work", "push_off_power", "dorsiflexion", "ankle_moment",
-         "knee_extension", "knee_flexor_moment", "intact_first_peak", "metabolic", "activation", "muscle_energy",
-         "stride_time")
+         "knee_extension", "knee_flexor_moment", "intact_first_peak", "com_push_off_work", "metabolic", "activation",
+         "muscle_energy", "stride_time")
 
 
 def exact(path: Path) -> Trial:
@@ -189,57 +189,36 @@ def _resimulated(one: Recorded, solution: TrajectorySolution) -> dict[str, Any]:
             "feedback_percent_bw": None if driven.fell else driven.percent_bw, "feedback_share": driven.feedback.share}
 
 
-def starts(one: Recorded) -> dict[str, Any]:
-    """Searches with the fulcrum free that begin at three settings."""
-    search = one.search("activation")
-    ends = [search.free(search.at(mm, one.solution.last, "fixed").last, "free") for mm in STARTS_MM]
-    return {"status": [end.status for end in ends], "fulcrum_mm": [position_mm(end) for end in ends],
-            "cost": [end.last_cost for end in ends]}
-
-
 def speeds(one: Recorded) -> dict[str, Any]:
-    """By speed, the least costs over the fulcrum, each position warm from the one before, and the best position."""
-    began, search, own = time.perf_counter(), one.search("activation"), one.recording.own_m / MM
-    base, rows = search.at(own, one.solution.last, "recorded speed"), {}
+    """By speed, the least costs over the fulcrum and the best position."""
+    began, search, rows = time.perf_counter(), one.search("activation", positions=POSITIONS), {}
     for speed in SPEEDS:
-        stride, start = search.stride.at_speed(speed, base.last)
-        there, found = dataclasses.replace(search, stride=stride), {}
-        positions = np.linspace(*stride.reach_mm, POSITIONS)
-        middle = int(np.argmin(np.abs(positions - own)))
-        for order in (range(middle, POSITIONS), range(middle - 1, -1, -1)):
-            before = start if order.start == middle else found[middle].last
-            for i in order:
-                found[i] = there.at(positions[i], before, "fixed")
-                before = found[i].last
-        free = there.free(min(found.values(), key=lambda end: end.last_cost).last, "free")
+        stride, start = search.stride.at_speed(speed, one.solution.last)
+        there, sweep = dataclasses.replace(search, stride=stride), list[Fixed]()
+        swept(there, start, sweep, chains=False)
+        known = [row.solution for row in sweep if row.solution is not None]
+        free = there.free(min(known, key=lambda end: end.last_cost).last, "free")
         rows[f"{speed:g}"] = {
-            "status": [found[i].status for i in range(POSITIONS)],
-            "cost": [found[i].last_cost for i in range(POSITIONS)],
+            "cost": [None if row.solution is None else row.solution.last_cost for row in sweep],
             "fulcrum_mm": position_mm(free) if free.success else None, "least": free.last_cost,
             "outcomes": {name: outcomes(free, stride)[name] for name in SHOWN}}
-    return {"positions_mm": positions, "wall_s": time.perf_counter() - began, "speeds": rows}
+    return {"positions_mm": np.linspace(*search.stride.reach_mm, POSITIONS), "wall_s": time.perf_counter() - began,
+            "speeds": rows}
 
 
-def signs(one: Recorded, cost: str, weight: float) -> dict[str, Any]:
-    """The best strides at three settings and with the fulcrum free, with one weight of able-bodied walking; each
-    setting is searched from its own start and from the strides of the others, since strides with a straighter and with
-    a more bent knee are optima both."""
-    search = one.search(cost, normal_weight=weight)
-    own = search.at(one.recording.own_m / MM, one.solution.last, "own")
-    first = [search.at(mm, own.last, "fixed") for mm in STARTS_MM]
-    over, ends = [], []
-    for mm, start in zip(STARTS_MM, first, strict=True):
-        found = [start, *(search.at(mm, other.last, "other") for other in first if other is not start)]
-        converged = [end for end in found if end.success]
-        over.append(min(converged or found, key=lambda end: end.last_cost))
-        ends.append([end.last_cost if end.success else None for end in found])
-    free = search.free(min(over, key=lambda end: end.last_cost).last, "free")
+def signs(one: Recorded, weight: float) -> dict[str, Any]:
+    """The best strides at three settings and where searches with the fulcrum free end from each, squared activations
+    least, with one weight of able-bodied walking."""
+    search, sweep = one.search("activation", normal_weight=weight, positions=3), list[Fixed]()
+    swept(search, one.solution.last, sweep, chains=True)
+    over = [row.solution for row in sweep if row.solution is not None]
+    free = [search.free(solution.last, "free") for solution in over]
     rows = [outcomes(solution, search.stride) for solution in over]
-    published = published_signs(rows) if all(solution.success for solution in over) else {}
-    return {"recorded_mm": one.recording.own_m / MM, "cost": cost, "weight": weight,
-            "status": [solution.status for solution in (*over, free)], "costs": ends, "signs": published,
-            "count": sum(value is True for value in published.values()) if published else None,
-            "fulcrum_mm": position_mm(free) if free.success else None,
+    published, steady = (published_signs(rows), steady_signs(rows)) if len(over) == len(sweep) else ({}, {})
+    return {"recorded_mm": one.recording.own_m / MM, "weight": weight, "tried": [row.tried for row in sweep],
+            "signs": published, "count": sum(value is True for value in published.values()) if published else None,
+            "steady": steady, "free": [{"status": end.status, "fulcrum_mm": position_mm(end), "cost": end.last_cost}
+                                       for end in free],
             "outcomes": {name: [row[name] for row in rows] for name in SHOWN}}
 
 
@@ -253,7 +232,7 @@ def main() -> None:
         parser.error("a part of the study must not replace it all: give --out")
     paths = {path.stem: path for path in embedded_trials("exact")}
     quick = arguments.quick
-    results: dict[str, Any] = {"format": "vsf_drake adaptive stride 2", "synthetic": True, "signs_of": SIGNS_OF}
+    results: dict[str, Any] = {"format": "vsf_drake adaptive stride 3", "synthetic": True, "signs_of": SIGNS_OF}
     own = StrideOptions().normal_weight
     results["able_bodied"] = able_bodied(exact(paths["medium_1"]), (own,) if quick else TRIED)
     for weight, rows in results["able_bodied"]["weights"].items():
@@ -269,12 +248,11 @@ def main() -> None:
         results["costs"][name] = {cost: carried_out(coarse[name], fine, cost)
                                   for cost in (("tracking",) if quick else FREE_COSTS)}
         print(name, results["costs"][name], flush=True)
-    results["starts"] = {name: starts(coarse[name]) for name in chosen if not quick}
     results["speeds"] = {} if quick else speeds(coarse["medium_1"])
-    results["signs"] = [signs(coarse[name], "activation", factor * own)
+    results["signs"] = [signs(coarse[name], factor * own)
                         for name in chosen for factor in (() if quick else FACTORS)]
     for row in results["signs"]:
-        print(row["recorded_mm"], row["cost"], row["weight"], row["count"], row["fulcrum_mm"], flush=True)
+        print(row["recorded_mm"], row["weight"], row["count"], row["free"], flush=True)
     results["provenance"] = provenance()
     arguments.out.mkdir(parents=True, exist_ok=True)
     write_json(arguments.out / "adaptive_stride.json", plain(results), sort=False)

@@ -392,33 +392,38 @@ def test_a_stride_at_another_speed_is_solved_for_there_and_the_recorded_one_stay
 
 
 def fake_search(reach_mm, own_m, positions, asked, converges=lambda mm: True, cost="activation"):
-    def at(mm, start, what, fraction=0.0):
-        asked.append((mm, start))
-        return SimpleNamespace(success=converges(mm), status="optimal", last_cost=1.0, last=mm)
+    """Of which each search ends with its position, and those of an easier problem with "easy" before it."""
+    def at(mm, start, what, fraction=0.0, easier=""):
+        asked.append((f"{easier}{mm:g}", start))
+        return SimpleNamespace(success=converges(mm), status="optimal", last_cost=1.0, last=f"{easier}{mm:g}")
 
     def changed(**changes):
-        return SimpleNamespace(at=lambda mm, start, what: SimpleNamespace(success=True, status="optimal", last="bent"))
+        return SimpleNamespace(at=lambda mm, start, what: at(mm, start, what, easier="easy " if "bend_rad" in changes
+                                                             else "stage "))
 
-    stride = SimpleNamespace(reach_mm=reach_mm, own_m=own_m, options=SimpleNamespace(positions=positions))
+    options = SimpleNamespace(positions=positions, stages=("soft", "last"))
+    stride = SimpleNamespace(reach_mm=reach_mm, own_m=own_m, options=options)
     return SimpleNamespace(at=at, changed=changed, cost=cost, stride=stride)
 
 
 @pytest.mark.parametrize("chains", [False, True])
-def test_a_sweep_goes_outward_and_from_a_more_bent_knee_and_comes_to_every_position_from_all_sides(chains):
-    """Recorded at 81 mm; each search begins where that of the neighbour ended."""
+def test_a_sweep_comes_to_every_position_from_easier_problems_outward_and_from_all_sides(chains):
+    """Recorded at 71 mm; each search begins where that of the neighbour ended."""
     asked, rows = [], []
-    swept(fake_search((60.0, 100.0), 0.081, 5, asked), "tracked", rows, chains=chains)
-    up = [(70.0, 60.0), (80.0, 70.0), (90.0, 80.0), (100.0, 90.0)]
-    down = [(90.0, 100.0), (80.0, 90.0), (70.0, 80.0), (60.0, 70.0)]
-    assert asked == [(80.0, "tracked"), *up[2:], *down[2:], (60.0, "bent"), *up, *(up + down if chains else [])]
-    assert all(row.solution.last == row.fulcrum_mm for row in rows)
+    swept(fake_search((60.0, 80.0), 0.071, 3, asked), "tracked", rows, chains=chains)
+    easier = [("easy 60", "tracked"), ("stage 60", "easy 60"), ("60", "stage 60"),
+              ("easy 70", "easy 60"), ("stage 70", "easy 70"), ("70", "stage 70"),
+              ("easy 80", "easy 70"), ("stage 80", "easy 80"), ("80", "stage 80")]
+    sides = [("70", "60"), ("80", "70"), ("70", "80"), ("60", "70")]
+    assert asked == [*easier, ("70", "tracked"), ("80", "70"), ("60", "70"), *(sides if chains else [])]
+    assert all(row.solution.last == f"{row.fulcrum_mm:g}" for row in rows)
 
 
 def test_a_recording_is_tracked_from_itself_alone_and_over_a_position_without_a_stride_a_sweep_goes_on():
     asked, rows = [], []
     search = fake_search((60.0, 80.0), 0.08, 3, asked, converges=lambda mm: mm != 70.0, cost="tracking")
     swept(search, "tracked", rows, chains=False)
-    assert asked == [(80.0, "tracked"), (70.0, 80.0), (60.0, 80.0)]
+    assert asked == [("80", "tracked"), ("70", "80"), ("60", "80")]
     assert rows[1].solution is None and np.isnan(rows[1].tried["outward"])
 
 

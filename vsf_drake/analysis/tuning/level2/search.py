@@ -21,15 +21,17 @@ from vsf_drake.collocation.problem import Grid
 from vsf_drake.collocation.solution import Iteration, Start, TrajectorySolution
 from vsf_drake.errors import FitError, InputError
 from vsf_drake.motion.trial import Trial
-from vsf_drake.simulation.sagittal.model import SagittalModel
+from vsf_drake.simulation.sagittal.model import SagittalModel, Smoothing
 from vsf_drake.simulation.walk import Walker
 
 NEAR_ENOUGH = {"violation": 1e-6, "optimality": 2e-3, "gain": 1e-5}
 """Where a search for another cost than tracking ends: the last part of a thousand of a cost takes most of its time."""
-BENT_DEG = 10.0
-"""How much more the prosthetic knee is first asked to bend for a second start: strides with a straighter and with a
-more bent knee late in stance are optima both, up to 5 % apart, and from a recording either may be found. A choice:
-from 5 to 15 lead to the same stride (SYNTHETIC walks at 66, 108 and 151 mm)."""
+EASIER: dict[str, Any] = {"bend_rad": np.radians(10.0), "smoothing": Smoothing(
+    depth_m=8e-3, rate_m_per_s=0.02, friction_velocity_m_per_s=0.2, damping=1.0)}
+"""With what a sweep's first search begins at each position: the prosthetic knee is asked to bend 10 degrees more, and
+the ground is softer. Strides with a straighter and with a more bent knee late in stance are optima both, up to 5 %
+apart, and so are, up to 6 %, strides whose feet strike at other instants of the grid. Choices: of 5, 10 and 15 degrees
+and of 2, 4 and 8 mm the fastest and the one that ended nearest to the least known cost, within 0.4 % (SYNTHETIC)."""
 
 
 class StrideTuning:
@@ -142,35 +144,39 @@ def tracked(stride: Stride, progress: Progress | None = None, warm: Start | None
 
 
 def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool) -> None:
-    """Fills `rows`: outward from the position nearest to the recorded one, each from the neighbour before; then from a
-    stride with a more bent knee at the softest position on; with `chains`, each from its neighbours' best as well."""
+    """Fills `rows`: from EASIER problems, each from that of the softer neighbour; then outward from the position
+    nearest to the recorded one, each from the neighbour before; with `chains`, each from its neighbours' best too."""
     rows[:] = map(Fixed, np.linspace(*search.stride.reach_mm, search.stride.options.positions).tolist())
     own = int(np.argmin([abs(row.fulcrum_mm - search.stride.own_m / MM) for row in rows]))
-
-    def along(order: Sequence[Fixed], kind: str, begin: Start) -> Start:
-        """Each from where the one before ended, if that converged. Returns where the first one ended."""
-        ends = [begin]
-        for row in order:
-            solution = unless_interrupted(search.at(row.fulcrum_mm, ends[-1], f"{row.fulcrum_mm:.0f} mm, {kind}",
-                                                    sum(len(other.tried) for other in rows) / count))
-            row.tried[kind] = solution.last_cost if solution.success else float("nan")
-            if solution.success and (row.solution is None or solution.last_cost < row.solution.last_cost):
-                row.solution = solution
-            ends.append(solution.last if solution.success else ends[-1])
-        return ends[1]
-
     count = (2 + 2 * chains) * len(rows)
-    middle = along(rows[own:], "outward", start)
-    if own:
-        along(rows[:own][::-1], "outward", middle)
+
+    def tried(row: Fixed, kind: str, begin: Start) -> Start:
+        """Where the search ended; where it began, if it did not converge."""
+        solution = unless_interrupted(search.at(row.fulcrum_mm, begin, f"{row.fulcrum_mm:.0f} mm, {kind}",
+                                                sum(len(other.tried) for other in rows) / count))
+        row.tried[kind] = solution.last_cost if solution.success else float("nan")
+        if solution.success and (row.solution is None or solution.last_cost < row.solution.last_cost):
+            row.solution = solution
+        return solution.last if solution.success else begin
+
     if search.cost != "tracking":
-        softest = rows[0].fulcrum_mm, rows[0].solution.last if rows[0].solution else start
-        bent = unless_interrupted(search.changed(bend_rad=np.radians(BENT_DEG)).at(*softest, "a more bent knee"))
-        along(rows, "from a more bent knee", bent.last)
+        easier, before = search.changed(**EASIER), start
+        for row in rows:
+            soft = unless_interrupted(easier.at(row.fulcrum_mm, before, f"{row.fulcrum_mm:.0f} mm, softer contact"))
+            begin = before = soft.last if soft.success else before
+            for smoothing in search.stride.options.stages[:-1]:
+                begin = unless_interrupted(search.changed(smoothing=smoothing).at(
+                    row.fulcrum_mm, begin, f"{row.fulcrum_mm:.0f} mm, softer contact")).last
+            tried(row, "from softer contact", begin)
+    middle = tried(rows[own], "outward", start)
+    for side in (rows[own + 1:], rows[:own][::-1]):
+        begin = middle
+        for row in side:
+            begin = tried(row, "outward", begin)
     for kind, order in (("upward", rows), ("downward", rows[::-1])) if chains else ():
-        for before, row in pairwise(order):
-            if before.solution is not None:
-                along([row], kind, before.solution.last)
+        for neighbour, row in pairwise(order):
+            if neighbour.solution is not None:
+                tried(row, kind, neighbour.solution.last)
 
 
 def held_by(search: StrideSearch, weight: float, settings: Sequence[tuple[float, TrajectorySolution]]
