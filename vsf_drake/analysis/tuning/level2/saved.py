@@ -74,7 +74,8 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
 
 
 def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
-    """The content of `tuning.npz`: motion, torque (N m) and force (N) over the phase, recorded and re-simulated."""
+    """The content of `tuning.npz`: motion, torque (N m) and force (N) over the phase, recorded, and re-simulated from a
+    finer grid."""
     stride, best, y = result.search.stride, result.shown.last, result.shown.last_y()
     function, grid, recorded = stride.function, stride.grid, result.tuning.stride.reference
     torque = function.starting_with("torque_")
@@ -86,7 +87,8 @@ def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
         arrays[f"grf_{foot}"] = y[:, function.index(f"{foot}_fx", f"{foot}_fz")]
         if recorded.known[foot].all():
             arrays[f"grf_{foot}_recorded"] = force
-    return arrays | {name: value[:grid.instants] for name, value in result.simulated.items()}
+    return arrays | {name: value[::len(value) // grid.instants][:grid.instants]
+                     for name, value in result.simulated.items()}
 
 
 def _outcomes(result: StrideSolution) -> list[t.Outcome]:

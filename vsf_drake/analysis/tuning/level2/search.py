@@ -160,13 +160,9 @@ def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool
         return solution.last if solution.success else begin
 
     if search.cost != "tracking":
-        easier, before = search.changed(**EASIER), start
+        before = start
         for row in rows:
-            soft = unless_interrupted(easier.at(row.fulcrum_mm, before, f"{row.fulcrum_mm:.0f} mm, softer contact"))
-            begin = before = soft.last if soft.success else before
-            for smoothing in search.stride.options.stages[:-1]:
-                begin = unless_interrupted(search.changed(smoothing=smoothing).at(
-                    row.fulcrum_mm, begin, f"{row.fulcrum_mm:.0f} mm, softer contact")).last
+            before, begin = eased(search, row.fulcrum_mm, before)
             tried(row, "from softer contact", begin)
     middle = tried(rows[own], "outward", start)
     for side in (rows[own + 1:], rows[:own][::-1]):
@@ -177,6 +173,16 @@ def swept(search: StrideSearch, start: Start, rows: list[Fixed], *, chains: bool
         for neighbour, row in pairwise(order):
             if neighbour.solution is not None:
                 tried(row, kind, neighbour.solution.last)
+
+
+def eased(search: StrideSearch, fulcrum_mm: float, start: Start) -> tuple[Start, Start]:
+    """The stride of the EASIER problem at a fixed position, and a start from there through the stages of smoothing."""
+    what = f"{fulcrum_mm:.0f} mm, softer contact"
+    easy = unless_interrupted(search.changed(**EASIER).at(fulcrum_mm, start, what))
+    soft = begin = easy.last if easy.success else start
+    for smoothing in search.stride.options.stages[:-1]:
+        begin = unless_interrupted(search.changed(smoothing=smoothing).at(fulcrum_mm, begin, what)).last
+    return soft, begin
 
 
 def held_by(search: StrideSearch, weight: float, settings: Sequence[tuple[float, TrajectorySolution]]
