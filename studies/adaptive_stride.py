@@ -26,7 +26,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from floor_of_the_reference_subject import RESULTS
+from contact_fit_study.keeping import made_by
+from floor_of_the_reference_subject import RESULTS, hashes
 
 from vsf_drake.analysis.tuning.common import FREE_COSTS
 from vsf_drake.analysis.tuning.level2 import StrideOptions, StrideTuning
@@ -250,7 +251,8 @@ def main() -> None:
                         for name in chosen for factor in (() if quick else FACTORS)]
     for row in results["signs"]:
         print(row["recorded_mm"], row["weight"], row["count"], row["free"], flush=True)
-    results["provenance"] = provenance()
+    inputs = {file: sha for path in paths.values() for file, sha in hashes(load_trial(path)).items()}
+    results["provenance"] = provenance(inputs) | {"sources": made_by("adaptive_stride.py")}
     arguments.out.mkdir(parents=True, exist_ok=True)
     write_json(arguments.out / "adaptive_stride.json", plain(results), sort=False)
 

@@ -17,6 +17,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import adaptive_stride as strides
 import contact_fit_study.inputs as contact_fit
 import contact_truth_recovery as truth
 import device_hypotheses as devices
@@ -101,11 +102,19 @@ def fitted_session(stored: dict[str, Any]) -> Numbers:
         yield f"{case.name} true {name}", true, known[name]["truth"]
 
 
+def consistent_stride(stored: dict[str, Any]) -> Numbers:
+    """One recorded stride, made consistent."""
+    one, was = strides.Recorded(DATA / "exact" / "medium_1.yaml", strides.COARSE), stored["found"]["medium_1"]
+    yield "medium_1 deviation", one.recording.value("deviation", one.solution.y()), was["deviation"]
+    for key, value in one.recording.recorded.errors.items():
+        yield f"medium_1 {key}", value, was["errors"][key]
+
+
 CHECKS: dict[str, tuple[str, Callable[[dict[str, Any]], Numbers]]] = {
     "floor": ("floor_of_the_reference_subject.py", floors), "contact_fit": ("contact_fit.py", fitted_pair),
     "contact_truth_recovery": ("contact_truth_recovery.py", recovered_truth),
     "device_hypotheses": ("device_hypotheses.py", both_devices),
-    "session_fit": ("session_fit.py", fitted_session)}
+    "session_fit": ("session_fit.py", fitted_session), "adaptive_stride": ("adaptive_stride.py", consistent_stride)}
 """By result: the script that makes it and its spot check. `contact_fit` reads the floors."""
 
 
