@@ -255,6 +255,8 @@ def main() -> None:
     results["provenance"] = provenance(inputs) | {"sources": made_by("adaptive_stride.py")}
     arguments.out.mkdir(parents=True, exist_ok=True)
     write_json(arguments.out / "adaptive_stride.json", plain(results), sort=False)
+    if quick and set(results["costs"]["medium_1"]["activation"]["status"]) != {"optimal"}:
+        sys.exit("the stride that adapts was not found")
 
 
 if __name__ == "__main__":

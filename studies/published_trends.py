@@ -1,9 +1,9 @@
 """Which published effects of stiffness the model reproduces, contradicts, or cannot say.
 
 As `vsf-drake validate --against published`: the foot under one load, and the embedded walks (SYNTHETIC, three at each
-of three settings, with their fitted contact), each with its own motion, are held against
+of three settings, with their fitted contact), each with its own motion and adapting, are held against
 data/published/stiffness_effects.csv. Own motion of a SYNTHETIC person is no adaptation of a person. The results are in
-studies/results/published_trends.json; the whole takes about a minute.
+studies/results/published_trends.json; the whole takes some five minutes.
 """
 
 from __future__ import annotations
@@ -35,8 +35,12 @@ def main() -> None:
     for row in table.rows:
         print(f"{row.verdict:13}{row.way:12}{row.source:28}{row.measure:32}{row.published:28}{row.model}")
     print(", ".join(f"{count} {verdict}" for verdict, count in table.counts.items()))
+    for why in table.missing:
+        print(why)
     arguments.out.mkdir(parents=True, exist_ok=True)
     write_json(arguments.out / "published_trends.json", plain(table), sort=False)
+    if table.missing:
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -129,6 +129,8 @@ def _against_published(against: str, trials: list[Path] | None, out: Path, conta
         write_published(out, table)
     print_text("published", t=table)
     say(f"written to {out / PAGE}")
+    if study.failed:
+        sys.exit(InputError.exit_code)
 
 
 @app.command()

@@ -11,7 +11,13 @@ from made_study import embedded_study
 
 from vsf_drake.analysis.published import CANNOT_SAY, LEVEL_2, LOAD, OWN_MOTION
 from vsf_drake.analysis.validation import published_trends as trends_of_a_study
-from vsf_drake.analysis.validation.published_trends import own_motion_evidence, published_trends
+from vsf_drake.analysis.validation.published_trends import (
+    ADAPTED,
+    level_2_evidence,
+    own_motion_evidence,
+    published_trends,
+)
+from vsf_drake.errors import FitError
 from vsf_drake.files import plain, record
 from vsf_drake.report.validation.output import PUBLISHED, write_published
 
@@ -44,6 +50,50 @@ def test_what_could_not_be_asked_of_strides_that_adapt_is_told(table):
     assert row.verdict == CANNOT_SAY and "level 2" in row.reason
 
 
+@pytest.fixture
+def adapted(monkeypatch):
+    """What strides that adapt would give: by weight the outcomes at three settings, of whatever trial."""
+    given = {}
+
+    def of(trial, weights, progress):
+        if trial.name not in given:
+            raise FitError("the recorded stride could not be tracked")
+        return given[trial.name]
+
+    monkeypatch.setattr(trends_of_a_study, "_adapted", of)
+    return given
+
+
+def test_a_walk_is_one_repetition_however_often_it_is_asked_and_what_failed_is_told(adapted):
+    """Energies are joules, told per kilogram of the person; of three weights one has no stride at each setting."""
+    study = embedded_study()
+    study = dataclasses.replace(study, options=dataclasses.replace(study.options, quick=False))
+
+    def rows(stored):
+        return [dict.fromkeys(ADAPTED.values(), 1.0) | {"stored_energy": value} for value in stored]
+
+    first, second, third = study.walks
+    adapted |= {first.trial.name: [rows((8.0, 6.0, 4.0)), rows((10.0, 8.0, 6.0)), []],
+                third.trial.name: [rows((7.0, 6.0, 5.0))] * 3}
+    evidence, missing = level_2_evidence(study)
+    stored = next(one for one in evidence if one.measure == "energy stored")
+    mass = study.walks[0].recorded.subject.mass_kg
+    assert stored.unit == "J/kg" and stored.values == pytest.approx(
+        np.array([(9.0, 7.0), (7.0, 6.0), (5.0, 5.0)]) / mass)
+    assert {one.measure for one in evidence} == set(ADAPTED) and "5 of 9" in stored.stands
+    assert any(line.startswith(second.label) and "could not be tracked" in line for line in missing)
+    assert any(line.startswith(first.label) and "1 of 3 weights" in line for line in missing)
+
+
+def test_strides_that_adapt_are_those_of_one_person(adapted):
+    study = embedded_study()
+    other = dataclasses.replace(study.walks[1].trial, subject=dataclasses.replace(
+        study.walks[1].trial.subject, mass_kg=90.0))
+    walks = (study.walks[0], dataclasses.replace(study.walks[1], trial=other))
+    evidence, missing = level_2_evidence(dataclasses.replace(study, walks=walks))
+    assert not evidence and "one person" in missing[0]
+
+
 def test_own_motion_of_one_setting_says_what_it_needs():
     study = embedded_study()
     evidence, missing = own_motion_evidence(dataclasses.replace(study, walks=study.walks[:1]))
@@ -60,7 +110,7 @@ def test_the_page_begins_with_counts_and_comes_back_from_its_table(table, tmp_pa
     write_published(tmp_path, table)
     assert record(type(table), PUBLISHED.read(tmp_path)[0]) == record(type(table), plain(table))
     text = " ".join((tmp_path / "report.html").read_text(encoding="utf-8").split())
-    assert f"Of {len(table.rows)} published rows" in text and "is not how a person adapts" in text
+    assert f"Of {len(table.rows)} comparisons" in text and "is not how a person adapts" in text
     assert (tmp_path / "tables" / "published_reproduced.csv").is_file()
 
 
@@ -73,7 +123,7 @@ def test_against_anything_else_is_refused(tmp_path, capsys):
 def test_the_command_writes_what_the_study_stores_and_a_stride_that_adapts_goes_the_way_of_equal_load(tmp_path, capsys):
     """A softer setting turns farther and stores more, whether the load is given or the person's."""
     assert exit_code("validate", "--against", "published", "--quick", "--out", tmp_path) == 0
-    assert "published rows" in capsys.readouterr().out
+    assert "comparisons with published effects" in capsys.readouterr().out
     rows = read_json(tmp_path / PUBLISHED.table)["rows"]
     assert {"source", "measure", "published", "model", "way", "verdict"} <= set(rows[0])
     for measure in ("energy stored", "dorsiflexion"):

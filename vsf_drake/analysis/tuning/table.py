@@ -204,7 +204,7 @@ class TuningTable:
 
     @property
     def cost_outcome(self) -> Outcome | None:
-        return next((row for row in self.outcomes if row.name in ("cost", self.cost_name)), None)
+        return next((row for row in self.outcomes if row.name == "cost"), None)
 
     @property
     def holding(self) -> tuple[Term, ...]:

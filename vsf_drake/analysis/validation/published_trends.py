@@ -28,7 +28,8 @@ from vsf_drake.analysis.validation.roll_over_section import (
     walked_shapes,
 )
 from vsf_drake.analysis.validation.study import Progress, Study, StudyWalk, reached
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.errors import FitError, InputError, SimulationError
+from vsf_drake.motion.trial import Trial
 from vsf_drake.parameters import GRAVITY, FootParameters
 from vsf_drake.simulation.archive import provenance
 
@@ -77,7 +78,8 @@ def published_trends(study: Study, *, progress: Progress | None = None) -> Trend
     return TrendTable(
         format=FORMAT, synthetic=study.synthetic, settings_mm=tuple(1e3 * x for x in settings),
         walked_mm=tuple(study.conditions()), walks=len(study.walks), mass_kg=mass,
-        level_1="not applicable: it keeps the motion", rows=rows, missing=(*missing, *failed),
+        level_1="not applicable: it keeps the motion", rows=rows,
+        missing=(*(f"{label}: {why}" for label, why in study.failed), *missing, *failed),
         inputs=dict(study.inputs),
         counts={verdict: sum(row.verdict == verdict for row in rows) for verdict in sorted({r.verdict for r in rows})},
         provenance=provenance())
@@ -159,42 +161,57 @@ def own_motion_evidence(study: Study, *, progress: Callable[[float], None] | Non
 
 def level_2_evidence(study: Study, *, progress: Progress | None = None) -> tuple[list[Evidence], list[str]]:
     """What strides that adapt have at the softest, a middle and the stiffest setting, squared activations least: a
-    repetition for the first walk of each setting and each of WEIGHTS, in the quick form for one walk and one weight;
-    and what is not there."""
+    repetition for the first walk of each setting, its mean over WEIGHTS; in the quick form one walk and one weight. And
+    what is not there."""
     show = progress or (lambda what, fraction: None)
+    if len({walk.trial.subject for walk in study.walks}) > 1:
+        return [], ["Strides that adapt need walks of one person."]
     first = [own[0] for own in study.conditions().values()]
     walks, weights = ([first[len(first) // 2]], (1.0,)) if study.options.quick else (first, WEIGHTS)
-    strides: list[list[dict[str, float]]] = []
-    missing = []
+    repetitions: list[list[dict[str, float]]] = []
+    missing, count = [], 0
     for i, walk in enumerate(walks):
         def each(what: str, fraction: float, i: int = i, label: str = walk.label) -> None:
             show(f"{label}, adapting: {what}", (i + fraction) / len(walks))
 
         try:
-            tuning = StrideTuning([walk.trial], cost="activation", options=StrideOptions(intervals=20, positions=3))
-            recorded = unless_interrupted(tracked(tuning.stride, each))
-            search = StrideSearch(dataclasses.replace(tuning.stride, consistent=recorded), "activation", progress=each)
-            sweep: list[Fixed] = []
-            if recorded.success:
-                swept(search, recorded.last, sweep, chains=False)
-        except (InputError, SimulationError) as error:
+            found = [rows for rows in _adapted(walk.trial, weights, each) if rows]
+        except (FitError, InputError, SimulationError) as error:
             missing.append(f"{walk.label}, adapting: {error}")
             continue
-        settings = [(row.fulcrum_mm, row.solution) for row in sweep if row.solution is not None]
-        for weight in weights:
-            other, found = held_by(search, weight * tuning.options.normal_weight, settings)
-            if len(found) == search.stride.options.positions and all(solution.success for solution in found):
-                strides.append([outcomes(solution, other.stride) for solution in found])
-            else:
-                missing.append(f"{walk.label}, adapting: no stride at each setting with weight {weight:g}.")
+        if len(found) < len(weights):
+            lost = f"{len(weights) - len(found)} of {len(weights)} weights"
+            missing.append(f"{walk.label}, adapting: with {lost} there is no stride at each setting.")
+        if found:
+            count += len(found)
+            repetitions.append([{name: float(np.mean([rows[k][name] for rows in found])) for name in ADAPTED.values()}
+                                for k in range(len(found[0]))])
     mass, evidence = study.walks[0].recorded.subject.mass_kg, []
-    made = "; from SYNTHETIC walks" if study.synthetic else ""
-    for measure, name in ADAPTED.items() if strides else ():
+    stands = f"; mean of {count} of {len(walks) * len(weights)} strides that adapt, {len(repetitions)} walks"
+    made = ", SYNTHETIC" if study.synthetic else ""
+    for measure, name in ADAPTED.items() if repetitions else ():
         label, unit = KINDS[name]
         size, unit = (mass, "J/kg") if unit == "J" else (1.0, unit)
-        evidence.append(Evidence(measure=measure, way=LEVEL_2, unit=unit, stands=label + made, values=tuple(
-            tuple(rows[i][name] / size for rows in strides) for i in range(len(strides[0])))))
+        evidence.append(Evidence(measure=measure, way=LEVEL_2, unit=unit, stands=label + stands + made, values=tuple(
+            tuple(rows[k][name] / size for rows in repetitions) for k in range(len(repetitions[0])))))
     return evidence, missing
+
+
+def _adapted(trial: Trial, weights: Sequence[float], progress: Progress) -> list[list[dict[str, float]]]:
+    """By weight the outcomes at three settings, softest first, nothing where one has no stride. FitError where the
+    recording cannot be tracked."""
+    tuning = StrideTuning([trial], cost="activation", options=StrideOptions(intervals=20, positions=3))
+    recorded = unless_interrupted(tracked(tuning.stride, progress))
+    if not recorded.success:
+        raise FitError(f"the recorded stride could not be tracked: {recorded.message}")
+    search = StrideSearch(dataclasses.replace(tuning.stride, consistent=recorded), "activation", progress=progress)
+    sweep: list[Fixed] = []
+    swept(search, recorded.last, sweep, chains=False)
+    settings = [(row.fulcrum_mm, row.solution) for row in sweep if row.solution is not None]
+    held = [held_by(search, weight * tuning.options.normal_weight, settings) for weight in weights]
+    return [[outcomes(solution, other.stride) for solution in found]
+            if len(found) == len(sweep) and all(solution.success for solution in found) else []
+            for other, found in held]
 
 
 def _late_flexor_moment(walk: StudyWalk, start_s: float, end_s: float) -> float:

@@ -37,8 +37,8 @@ KINDS = {
     "muscle_energy": ("metabolic energy of the muscles by their activation", "J/(kg m)"),
     "stride_time": ("time of a stride", "s"),
     "stride_length": ("length of a stride", "m"),
-    "motion_change": ("root mean square change of the joint angles from the recording", "deg"),
-    "force_change": ("root mean square change of the ground reaction force from the recording, worse foot", "BW")}
+    "motion_change": ("root mean square change of the joint angles from the consistent stride", "deg"),
+    "force_change": ("root mean square change of the ground reaction from the consistent stride, worse foot", "BW")}
 """Labels and units."""
 SIGNS_OF = "Nichols 2023"
 """The source, in the table of published effects, whose signs were measured on the variable-stiffness foot itself."""
@@ -139,12 +139,12 @@ def published_signs(strides: Sequence[dict[str, float]]) -> dict[str, bool | Non
     for effect in published_effects():
         if effect.source == SIGNS_OF and effect.measure in MEASURES:
             first, last = (strides[i][MEASURES[effect.measure]] for i in (0, -1))
-            little = abs(last - first) <= LEAST_CHANGE * max(abs(first), abs(last))
+            little = not abs(last - first) > LEAST_CHANGE * max(abs(first), abs(last))
             found[effect.measure] = None if little else ("+" if last > first else "-") == effect.effect
     return found
 
 
 def steady_signs(strides: Sequence[dict[str, float]]) -> dict[str, bool]:
-    """By measure, whether all steps from one setting to the next have the published sign as well."""
+    """By measure, whether no step from one setting to the next has the opposite sign."""
     steps = [published_signs(pair) for pair in pairwise(strides)]
-    return {measure: all(step[measure] is True for step in steps) for measure in steps[0]}
+    return {measure: not any(step[measure] is False for step in steps) for measure in steps[0]}

@@ -11,7 +11,8 @@ from vsf_drake.analysis.tuning import table as t
 from vsf_drake.analysis.tuning.common import SETTINGS, WEIGHTED
 from vsf_drake.analysis.tuning.level2.outcomes import KINDS, outcomes
 from vsf_drake.analysis.tuning.level2.search import StrideSolution, position_mm
-from vsf_drake.analysis.tuning.level2.stride import LABELS, MM, OWN
+from vsf_drake.analysis.tuning.level2.stride import LABELS, MM, OWN, Stride
+from vsf_drake.collocation.solution import TrajectorySolution
 from vsf_drake.schema import to_plain
 from vsf_drake.sentences import say
 from vsf_drake.simulation.archive import provenance
@@ -20,6 +21,7 @@ from vsf_drake.simulation.sagittal.model import DESIGN
 UNITS = ("m", "1", "rad", "1")
 SURE = 2.0  # standard deviations over the drawn contacts by which an outcome's range must exceed to matter (a choice)
 LITTLE = 0.01  # share of the cost below which what a setting gains is called little (a choice)
+APART = 1e-3  # share of the cost by which ends of searches differ that are not the same stride (a choice)
 DECIDED = 0.5  # share of the range that an interval may take and still be a recommendation (a choice)
 
 
@@ -35,15 +37,16 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
     if best.problem.p_low[-1] < best.problem.p_high[-1]:
         time_s = stride.grid.duration_s
         low_s, high_s, found_s = (float(time_s * x[-1]) for x in (best.problem.p_low, best.problem.p_high, p))
-        design.append(t.DesignValue("stride time", "s", found_s, low=low_s, high=high_s, default=time_s))
-    near = as_good(result)
+        design.append(t.DesignValue("stride time", "s", found_s, low=low_s, high=high_s,
+                                    default=time_s if tuning.speed_m_per_s is None else None))
+    label, near = " and ".join(LABELS[name] for name in names), as_good(result)
     width = (near[1] - near[0]) / (high - low) if near else 0.0
     failed = sum(not solution.success for solution in result.asked_again)
     lost = [row.fulcrum_mm for row in result.sweep if row.solution is None and row.tried]
-    different = [row for row in result.sweep
-                 if len({f"{cost:.4g}" for cost in row.tried.values() if np.isfinite(cost)}) > 1]
+    ends = [[cost for cost in row.tried.values() if np.isfinite(cost)] for row in result.sweep]
+    different = sum(max(costs) - min(costs) > APART * abs(min(costs)) for costs in ends if costs)
     return t.as_saved(t.TuningTable(
-        format=t.FORMAT, level=2, cost_name=tuning.cost, cost_label=" and ".join(LABELS[name] for name in names),
+        format=t.FORMAT, level=2, cost_name=tuning.cost, cost_label=label,
         cost_unit="1", optimal=result.success, status=result.message, fulcrum_mm=position_mm(best),
         cost=best.last_cost, at_bound=best.at_bound if result.success else (), fulcrum_interval_mm=near,
         interval_meaning=say("stride", "interval", little=LITTLE, result=result, failed=failed)[0] if near else "",
@@ -54,7 +57,7 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
         sweep=tuple(t.SweepPoint(row.fulcrum_mm, None) if row.solution is None else t.SweepPoint(
             row.fulcrum_mm, row.solution.last_cost, row.solution.terms, outcomes(row.solution, stride))
             for row in result.sweep),
-        outcomes=tuple(_outcomes(result)),
+        outcomes=tuple(_outcomes(result, label)),
         solver=t.SolverEnd(name="Gauss-Newton SQP", message=best.message, iterations=best.iterations,
                          evaluations=best.evaluations, optimality=best.optimality),
         confirmed_by=tuple(result.confirmed),
@@ -67,43 +70,50 @@ def stride_table(result: StrideSolution) -> t.TuningTable:
         trials=(tuning.label,), recorded_mm=(stride.own_m / MM,), synthetic=tuning.trial.synthetic,
         notes=(*(() if tuning.speed_m_per_s is None else say(
                    "stride", "speed", asked=tuning.speed_m_per_s, recorded=tuning.stride.speed)),
-               *say("stride", "limits"), *tuning.recorded.notes,
-               *say("stride", "sweep", lost=lost, different=len(different), count=len(result.sweep))),
+               *say("stride", "limits", tracks=tuning.cost == "tracking"), *tuning.recorded.notes,
+               *say("stride", "sweep", lost=lost, different=different, count=len(result.sweep))),
         wall_s=result.wall_s,
         provenance=t.Provenance(options=to_plain(tuning.options), **provenance(tuning.trial.inputs))))
 
 
 def stride_arrays(result: StrideSolution) -> dict[str, np.ndarray]:
-    """The content of `tuning.npz`: motion, torque (N m) and force (N) over the phase, recorded, and re-simulated from a
-    finer grid."""
-    stride, best, y = result.search.stride, result.shown.last, result.shown.last_y()
-    function, grid, recorded = stride.function, stride.grid, result.tuning.stride.reference
+    """The content of `tuning.npz`: motion, torque (N m) and force (N) over the phase, of the stride that the full model
+    carried out, recorded and re-simulated; and what a search begins from again."""
+    stride, best, grid = result.search.stride, result.shown.last, result.search.stride.grid
+    carried = result.carried_out or result.shown
+    each = carried.problem.grid.instants // grid.instants
+    z, y = carried.last.z[::each], carried.last_y()[::each]
+    function, recorded = stride.function, result.tuning.stride.reference
     torque = function.starting_with("torque_")
     arrays = {"phase": grid.times_s / grid.duration_s, "names": np.array(function.layout.coordinates),
-              "q": best.z[:, function.layout.q], "q_recorded": recorded.q, "torque": y[:, torque],
+              "q": z[:, function.layout.q], "q_recorded": recorded.q, "torque": y[:, torque],
               "torque_recorded": result.tracked.last_y()[:, torque], "tracked_z": result.tracked.last.z,
               "tracked_p": result.tracked.last.p, "best_z": best.z, "best_p": best.p}
     for foot, force in recorded.force.items():
         arrays[f"grf_{foot}"] = y[:, function.index(f"{foot}_fx", f"{foot}_fz")]
         if recorded.known[foot].all():
             arrays[f"grf_{foot}_recorded"] = force
-    return arrays | {name: value[::len(value) // grid.instants][:grid.instants]
-                     for name, value in result.simulated.items()}
+    return arrays | {name: value[::each][:grid.instants] for name, value in result.simulated.items()}
 
 
-def _outcomes(result: StrideSolution) -> list[t.Outcome]:
-    """At four settings; `uncertainty`: standard deviation over the drawn contacts, None of fewer than two."""
+def _outcomes(result: StrideSolution, cost_label: str) -> list[t.Outcome]:
+    """The cost and KINDS at four settings; `uncertainty`: standard deviation over the drawn contacts, None of fewer
+    than two, and where nothing was recorded to compare with."""
+    def of(solution: TrajectorySolution, stride: Stride) -> dict[str, float]:
+        return {"cost": solution.last_cost, **outcomes(solution, stride)}
+
     stride = result.search.stride
-    over = [outcomes(solution, stride) for _, solution in result.solved]
+    over = [of(solution, stride) for _, solution in result.solved]
     if not over:
         return []
-    settings = (over[0], outcomes(result.shown, stride), over[-1],
-                outcomes(result.tracked, result.consistent))
-    drawn = [outcomes(solution, other) for solution, other in result.drawn if solution.success]
+    settings = (over[0], of(result.shown, stride), over[-1],
+                {"cost": np.nan, **outcomes(result.tracked, result.consistent)})  # it has another cost
+    drawn = [of(solution, other) for solution, other in result.drawn if solution.success]
     rows = []
-    for name, (label, unit) in KINDS.items():
+    for name, (label, unit) in {"cost": (cost_label, "1"), **KINDS}.items():
         at: dict[str, Any] = {setting: values[name] for setting, values in zip(SETTINGS, settings, strict=True)}
-        error = float(np.std([values[name] for values in drawn], ddof=1)) if len(drawn) > 1 else None
+        spread = float(np.std([values[name] for values in drawn], ddof=1)) if len(drawn) > 1 else np.nan
+        error = spread if np.isfinite(spread) else None
         range_over = max(values[name] for values in over) - min(values[name] for values in over)
         rows.append(t.Outcome(name=name, label=label, unit=unit, **at, uncertainty=error,
                             matters=None if error is None else bool(range_over > SURE * error)))

@@ -31,7 +31,7 @@ from vsf_drake.analysis.tuning.resimulation.resimulate import resimulate_prescri
 from vsf_drake.analysis.tuning.resimulation.trajectory import solved_trajectory
 from vsf_drake.collocation.program import confirm
 from vsf_drake.collocation.solution import Start, TrajectorySolution, resampled
-from vsf_drake.errors import InputError, SimulationError
+from vsf_drake.errors import FitError, InputError, SimulationError
 from vsf_drake.sentences import say
 from vsf_drake.simulation.sagittal.model import SagittalModel
 
@@ -136,12 +136,13 @@ def _hold(result: StrideSolution, best: TrajectorySolution) -> None:
     """The best strides with other weights of able-bodied walking, and whether stiffness has the published signs with
     each."""
     search, options, stride = result.search, result.tuning.options, result.search.stride
-    if result.tuning.cost != "tracking":
-        for factor in options.hold_factors:
-            weight = factor * options.normal_weight
-            other, over = held_by(search, weight, result.settings)
-            free = unless_interrupted(other.free(best.last, f"weight {weight:g}", 0.88))
-            result.held.append(Held(weight, over, free))
+    if result.tuning.cost == "tracking":  # which no weight holds
+        return
+    for factor in options.hold_factors:
+        weight = factor * options.normal_weight
+        other, over = held_by(search, weight, result.settings)
+        free = unless_interrupted(other.free(best.last, f"weight {weight:g}", 0.88))
+        result.held.append(Held(weight, over, free))
     if len(result.settings) < 3 or not all(solution.success for held in result.held for solution in held.over):
         result.checks.append(TuningCheck("signs", SIGNS_LABEL, None, "", None, None, say("stride", "no_signs")[0]))
         return
@@ -188,7 +189,7 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
         other = unless_interrupted(search.changed(**changes).free(start, what, done))
         moved = position_mm(other) - position_mm(best) if other.success else None
         add(name, label, moved, "mm", "", None, part="change", label_of=label, moved=moved, message=other.message,
-            change=other.last_cost / best.last_cost - 1.0)
+            change=(other.last_cost - best.last_cost) / abs(best.last_cost))
         return other
 
     # What the full model carries out is the stride on a finer grid: an error of integration is no error of the model.
@@ -196,12 +197,16 @@ def _check(result: StrideSolution, best: TrajectorySolution, progress: Progress 
     fine = changed("mesh", "twice as many intervals", "finer mesh", 0.4, resampled(best, grid), grid=grid)
     if progress:
         progress("re-simulating", 0.5)
-    trajectory = solved_trajectory(fine if fine.success else best, tuning.walker, outputs=stride.function.names,
+    result.carried_out = fine if fine.success else best
+    mm, intervals = position_mm(result.carried_out), result.carried_out.problem.grid.intervals
+    add("carried_out", "fulcrum of the stride that the full model carries out", mm, "mm", "", None, mm=mm,
+        intervals=intervals)
+    trajectory = solved_trajectory(result.carried_out, tuning.walker, outputs=stride.function.names,
                                    offsets=tuning.trial.offsets)
     for kind, simulate in (("prescribed", resimulate_prescribed), ("feedback", resimulate_with_feedback)):
         try:
             run = simulate(tuning.walker, trajectory)
-        except SimulationError as error:
+        except (SimulationError, FitError) as error:
             result.checks.append(TuningCheck(
                 f"resimulation_{kind}", f"re-simulation, {kind}", None, "% body weight", "", False, str(error)))
         else:
