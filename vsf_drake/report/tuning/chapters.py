@@ -122,13 +122,19 @@ def _answer(table: TuningTable, arrays: Arrays) -> Facts:
             "curve": {"span": (x[0], x[-1]), "least": y[low], "least_mm": x[low], "most": y[high], "most_mm": x[high]}}
 
 
+FIRST = ("push_off_power", "returned_energy", "dorsiflexion", "knee_extension", "knee_flexor_moment", "socket_moment",
+         "intact_first_peak", "muscle_energy")
+"""Outcomes of level 2 that a reader sees first: those that a setting was seen to change in people, and energy."""
+
+
 def _outcomes(table: TuningTable, arrays: Arrays) -> Facts:
     shown = []
     for row in reading.shown_outcomes(table):
         x, y = table.swept("outcomes", row.name)
         shown.append({"label": row.label, "unit": row.unit, "x": x[[0, -1]], "y": y[[0, -1]]})
-    return {"shown": shown, "figures": {"outcomes": figures.outcomes_figure(table)} if shown else {},
-            "rows": [{**vars(row), "told": _MATTERS[row.matters]} for row in table.outcomes]}
+    rows = [{**vars(row), "told": _MATTERS[row.matters]} for row in table.outcomes]
+    return {"shown": shown, "figures": {"outcomes": figures.outcomes_figure(table)} if shown else {}, "rows": rows,
+            "first": [row for row in rows if table.level == 2 and row["name"] in FIRST]}
 
 
 def _motion(table: TuningTable, arrays: Arrays) -> Facts:

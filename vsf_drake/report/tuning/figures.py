@@ -83,8 +83,8 @@ def _mark_positions(axes: Axes, table: TuningTable, *, named: bool = True) -> No
 
 @_drawn
 def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> None:
-    """The cost over the whole range with its optimum; where terms of it only hold to the recording, also without
-    these, with that least."""
+    """The cost over the whole range with its optimum; where terms of it only hold to the recording or to able-bodied
+    walking, also without these, with that least."""
     figure.set_size_inches(PANEL[0], 3.9)
     axes, best = figure.subplots(), table.fulcrum_mm
     x_of, trials = arrays.get("sweep_mm"), arrays.get("sweep_cost_trials")
@@ -95,7 +95,8 @@ def cost_curve_figure(figure: Figure, table: TuningTable, arrays: Arrays) -> Non
             axes.plot(x_of, values - values[at] + own[:, at].mean(), color="0.75", linewidth=0.9, zorder=1,
                       label="one trial, shifted" if i == 0 else None)
     least, x = table.least_rest(), table.swept()[0]
-    _curve(axes, *table.swept(), linewidth=1.8, label="cost" if least is None else "cost, held to the recording")
+    held = "cost, held to " + ("the recording" if table.level == 1 else "able-bodied walking")
+    _curve(axes, *table.swept(), linewidth=1.8, label="cost" if least is None else held)
     if least is not None:
         _curve(axes, x, np.array([table.rest_at(mm) for mm in x], dtype=float), linewidth=1.6, linestyle="--",
                marker="", label="cost by itself")
