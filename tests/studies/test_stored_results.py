@@ -165,30 +165,32 @@ def test_consistent_strides_find_their_fulcrum(adaptive):
 
 
 def test_the_full_model_carries_out_what_the_guide_says(adaptive):
-    """3 % of body weight with a tenth of the torques, but for two of fifteen, which `docs/guide/tune.md` names."""
-    rows = {(walk, cost): one for walk, of in adaptive["costs"].items() for cost, one in of.items()}
-    assert len(rows) == 15 and {cost for _, cost in rows} == set(FREE_COSTS)
+    """3 % of body weight with a tenth of the torques, in fifteen of fifteen."""
+    rows = {(walk, cost): of[cost] for walk, of in adaptive["costs"].items() for cost in FREE_COSTS}
+    assert len(rows) == 15
     for one in rows.values():
-        assert one["status"] == "optimal" and not one["fell"]
-        assert one["feedback_share"] < 0.1 and one["prescribed_percent_bw"] < 3.0
-    missed = {at for at, one in rows.items() if one["feedback_percent_bw"] > 3.0}
-    assert missed == {("low_1", "push_off"), ("low_1", "tracking")}
+        assert one["status"] == ["optimal", "optimal"] and not one["fell"]
+        assert one["feedback_share"] < 0.1 and max(one["prescribed_percent_bw"], one["feedback_percent_bw"]) < 3.0
 
 
 def test_nine_positions_are_solved_at_each_of_three_speeds_and_the_best_is_stiffer_the_faster(adaptive):
     found = adaptive["speeds"]
     assert len(found["positions_mm"]) == 9 and found["wall_s"] < 600.0, "as measured then, not here"
-    assert all(status == "optimal" for row in found["speeds"].values() for status in row["status"])
+    assert all(cost is not None for row in found["speeds"].values() for cost in row["cost"])
     best = [found["speeds"][speed]["fulcrum_mm"] for speed in ("0.9", "1.1", "1.4")]
     assert best == sorted(best) and best[0] < best[-1]
 
 
-def test_signs_at_the_chosen_weight_are_those_that_the_guide_gives(adaptive):
-    own = StrideOptions().normal_weight
-    assert len(adaptive["signs"]) == 15
-    chosen = {row["recorded_mm"]: row["count"] for row in adaptive["signs"] if row["weight"] == own}
-    assert chosen == {66.0: 7, 108.0: 7, 151.0: 5}
-    assert min(row["count"] for row in adaptive["signs"]) == 5
+def test_stiffness_has_the_published_signs_from_the_chosen_weight_to_four_times_it_and_starts_end_alike(adaptive):
+    """Below it push-off power has not: six of seven, in one of six cases seven."""
+    own, rows = StrideOptions().normal_weight, adaptive["signs"]
+    assert len(rows) == 15 and {found["recorded_mm"] for found in rows} == {66.0, 108.0, 151.0}
+    assert {found["count"] for found in rows if found["weight"] >= own} == {7}
+    assert sorted(found["count"] for found in rows if found["weight"] < own) == [6, 6, 6, 6, 6, 7]
+    assert all(kept for found in rows for name, kept in found["signs"].items() if name != "push-off power")
+    for found in rows:
+        costs = [end["cost"] for end in found["free"] if end["status"] == "optimal"]
+        assert len(costs) >= 2 and max(costs) / min(costs) < (1.005 if found["weight"] == own else 1.01)
 
 
 # Truth recovery: recordings that the model made are fitted back.
