@@ -9,7 +9,7 @@
     signs        which published signs stiffness has, for each weight and each setting of the recording, and where
                  searches from three settings end, fulcrum free
 
-The results are in studies/results/adaptive_stride.json; the whole takes some twenty minutes.
+The results are in studies/results/adaptive_stride.json; the whole takes some fifty minutes.
 """
 
 from __future__ import annotations

@@ -79,9 +79,11 @@ def test_results_are_written_and_the_screen_says_what_was_found(run, tmp_path, m
 
 def test_all_that_was_tuned_stands_on_the_screen(run, tmp_path, made):
     fulcrum = DesignValue("fulcrum", "mm", 104.2, 66.0, 151.0, None)
-    made["table"] = small_table(design=(fulcrum, DesignValue("heel_stiffness", "N/mm", 71.2, 40.0, 90.0, 65.0)))
+    made["table"] = small_table(design=(fulcrum, DesignValue("heel_stiffness", "N/mm", 71.2, 40.0, 90.0, 65.0),
+                                        DesignValue("stride time", "s", 1.1, 0.8, 1.3, None)))
     _, out, _ = run("tune", LOW, "--contact", CONTACT, "--cost", "joint_load", "--out", tmp_path / "out")
     assert "Together with it: heel stiffness 71.2 N/mm (nominal 65)" in out.splitlines()
+    assert "Together with it: stride time 1.1 s" in out.splitlines(), "of a speed at which nothing was recorded"
 
 
 def test_an_unfitted_foot_is_told_before_any_number(run, tmp_path, made, monkeypatch):

@@ -80,7 +80,7 @@ def test_a_walk_is_one_repetition_however_often_it_is_asked_and_what_failed_is_t
     mass = study.walks[0].recorded.subject.mass_kg
     assert stored.unit == "J/kg" and stored.values == pytest.approx(
         np.array([(9.0, 7.0), (7.0, 6.0), (5.0, 5.0)]) / mass)
-    assert {one.measure for one in evidence} == set(ADAPTED) and "5 of 9" in stored.stands
+    assert {one.measure for one in evidence} == set(ADAPTED) and "5 of 9, walks: 2" in stored.stands
     assert any(line.startswith(second.label) and "could not be tracked" in line for line in missing)
     assert any(line.startswith(first.label) and "1 of 3 weights" in line for line in missing)
 

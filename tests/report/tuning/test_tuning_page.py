@@ -269,6 +269,8 @@ def test_what_only_holds_to_the_recording_is_told_apart_from_the_gain():
     assert "a term that holds the walk to able-bodied walking." in walked
     assert "the part of the cost that only holds to able-bodied walking, it is 3.8 % MORE" in walked
     assert "Without" not in said() and "DO NOT DECIDE" not in said()
+    less = dataclasses.replace(held, cost=held.cost - 0.1)  # another stride, better by itself than all of the sweep
+    assert held.held_from and less.held_from is None and "DO NOT DECIDE" not in " ".join(answer(less))
     table = made_table()
     assert table.cost_at(73.5) == pytest.approx(float(np.mean(cost_of(np.array([71.0, 76.0]))))), "a straight line"
     assert table.cost_at(60.0) is None and failed_table().cost_at(73.5) is None
@@ -310,7 +312,8 @@ def test_figures_draw_the_sweep_the_trials_the_optimum_and_what_hardly_changes()
 def rising(slope, start=1.0):
     """The parabola, of which all but a line of this slope (1/mm), least `start`, holds to the recording."""
     line = start + abs(slope) * (POSITIONS - 66.0 if slope > 0.0 else 151.0 - POSITIONS)
-    return made_table(recorded_mm=(), terms=(Term("knee", "knee", 1.0), Term("consistency", "the hold", 1.0)),
+    best = start + abs(slope) * (BEST_MM - 66.0 if slope > 0.0 else 151.0 - BEST_MM)
+    return made_table(recorded_mm=(), terms=(Term("knee", "knee", best), Term("consistency", "the hold", 2.0 - best)),
                       sweep=tuple(SweepPoint(mm, float(cost_of(mm)), {"consistency": float(cost_of(mm) - own)})
                                   for mm, own in zip(POSITIONS.tolist(), line, strict=True)))
 

@@ -228,11 +228,16 @@ class TuningTable:
                    key=lambda pair: pair[1], default=None)
 
     @property
+    def rest(self) -> float | None:
+        """The cost at the optimum without `holding`."""
+        return None if self.cost is None else self.cost - sum(term.value or 0.0 for term in self.holding)
+
+    @property
     def held_from(self) -> tuple[float, float] | None:
-        """`least_rest` if it is farther from the optimum than its interval and the sweep's spacing: if the terms of
-        HOLDING, not the rest of the cost, make the optimum."""
-        least, x = self.least_rest(), self.swept()[0]
-        if least is None or self.fulcrum_mm is None or not self.optimal:
+        """`least_rest` if it is less than `rest` and farther from the optimum than its interval and the sweep's
+        spacing: if the terms of HOLDING, not the rest of the cost, make the optimum."""
+        least, x, rest = self.least_rest(), self.swept()[0], self.rest
+        if least is None or self.fulcrum_mm is None or not self.optimal or rest is None or rest <= least[1]:
             return None
         (low, high), step = self.fulcrum_interval_mm or (self.fulcrum_mm,) * 2, float(np.diff(x).max(initial=0.0))
         return None if low - step <= least[0] <= high + step else least

@@ -187,7 +187,7 @@ def level_2_evidence(study: Study, *, progress: Progress | None = None) -> tuple
             repetitions.append([{name: float(np.mean([rows[k][name] for rows in found])) for name in ADAPTED.values()}
                                 for k in range(len(found[0]))])
     mass, evidence = study.walks[0].recorded.subject.mass_kg, []
-    stands = f"; mean of {count} of {len(walks) * len(weights)} strides that adapt, {len(repetitions)} walks"
+    stands = f"; strides that adapt: {count} of {len(walks) * len(weights)}, walks: {len(repetitions)}"
     made = ", SYNTHETIC" if study.synthetic else ""
     for measure, name in ADAPTED.items() if repetitions else ():
         label, unit = KINDS[name]

@@ -95,9 +95,8 @@ def answer(table: TuningTable) -> list[str]:
     matters = None if row is None else row.matters
     nothing = row is None and bool(others) and not more and not open_
     places = reading.compared(table, table.cost_at, table.cost)
-    own, held = table.cost - sum(term.value or 0.0 for term in holding), table.held_from
-    least = None
-    if held is not None:
+    own, held, least = table.rest, table.held_from, None
+    if held is not None and own is not None:
         ends = {x[0]: "the softest setting", x[-1]: "the stiffest"}
         least = {"mm": held[0], "end": ends.get(held[0], ""), "more": own - held[1],
                  "percent": 100.0 * (own - held[1]) / held[1] if held[1] > 0.0 else None}
@@ -105,8 +104,8 @@ def answer(table: TuningTable) -> list[str]:
         "answer", t=table, span=(x[0], x[-1]) if len(x) else None, row=row, places=places, holding=holding,
         size=float(costs.max() - costs.min()) if len(costs) else None,
         hardly="outcomes" if nothing else "cost" if matters is False and len(costs) else "",
-        rest=reading.compared(table, table.rest_at, own) if places and holding else [], least_rest=least,
-        all_more=len(more) > max(1, len(others) - 1), more=more, no_more=no_more,
+        rest=[] if own is None or not (places and holding) else reading.compared(table, table.rest_at, own),
+        least_rest=least, all_more=len(more) > max(1, len(others) - 1), more=more, no_more=no_more,
         unknown=matters is None and not more and not no_more)
 
 
@@ -122,9 +121,10 @@ def _answer(table: TuningTable, arrays: Arrays) -> Facts:
             "curve": {"span": (x[0], x[-1]), "least": y[low], "least_mm": x[low], "most": y[high], "most_mm": x[high]}}
 
 
-FIRST = ("push_off_power", "returned_energy", "dorsiflexion", "knee_extension", "knee_flexor_moment", "socket_moment",
-         "intact_first_peak", "muscle_energy")
-"""Outcomes of level 2 that a reader sees first: those that a setting was seen to change in people, and energy."""
+FIRST = ("dorsiflexion", "ankle_moment", "knee_extension", "knee_flexor_moment", "push_off_power", "stored_energy",
+         "returned_energy", "intact_first_peak", "socket_moment", "muscle_energy")
+"""Outcomes of level 2 that a reader sees first: those that stiffness was seen to change in people, the load of the
+residual limb, and energy."""
 
 
 def _outcomes(table: TuningTable, arrays: Arrays) -> Facts:
@@ -134,7 +134,7 @@ def _outcomes(table: TuningTable, arrays: Arrays) -> Facts:
         shown.append({"label": row.label, "unit": row.unit, "x": x[[0, -1]], "y": y[[0, -1]]})
     rows = [{**vars(row), "told": _MATTERS[row.matters]} for row in table.outcomes]
     return {"shown": shown, "figures": {"outcomes": figures.outcomes_figure(table)} if shown else {}, "rows": rows,
-            "first": [row for row in rows if table.level == 2 and row["name"] in FIRST]}
+            "first": [row for name in FIRST for row in rows if table.level == 2 and row["name"] == name]}
 
 
 def _motion(table: TuningTable, arrays: Arrays) -> Facts:

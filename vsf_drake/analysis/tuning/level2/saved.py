@@ -110,13 +110,14 @@ def _outcomes(result: StrideSolution, cost_label: str) -> list[t.Outcome]:
                 {"cost": np.nan, **outcomes(result.tracked, result.consistent)})  # it has another cost
     drawn = [of(solution, other) for solution, other in result.drawn if solution.success]
     rows = []
-    for name, (label, unit) in {"cost": (cost_label, "1"), **KINDS}.items():
+    for name, (label, unit) in {"cost": (f"cost ({cost_label}, with what holds it)", "1"), **KINDS}.items():
         at: dict[str, Any] = {setting: values[name] for setting, values in zip(SETTINGS, settings, strict=True)}
         spread = float(np.std([values[name] for values in drawn], ddof=1)) if len(drawn) > 1 else np.nan
         error = spread if np.isfinite(spread) else None
         range_over = max(values[name] for values in over) - min(values[name] for values in over)
+        known = error is not None and np.isfinite(range_over)
         rows.append(t.Outcome(name=name, label=label, unit=unit, **at, uncertainty=error,
-                            matters=None if error is None else bool(range_over > SURE * error)))
+                            matters=bool(range_over > SURE * spread) if known else None))
     return rows
 
 
