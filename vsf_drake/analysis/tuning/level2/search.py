@@ -220,7 +220,7 @@ class StrideSolution:
     free: list[tuple[float, TrajectorySolution]] = field(default_factory=list)  # from where (mm), the fulcrum free
     checks: list[TuningCheck] = field(default_factory=list)  # what the optimum was held against
     confirmed: list[t.Confirmation] = field(default_factory=list)  # by other solvers
-    carried_out: TrajectorySolution | None = None  # by the full model: the optimum on a finer grid, if that converged
+    carried_out: TrajectorySolution | None = None  # the optimum, on a finer grid if that converged
     simulated: dict[str, np.ndarray] = field(default_factory=dict)
     drawn: list[tuple[TrajectorySolution, Stride]] = field(default_factory=list)  # the optimum with drawn contacts
     held: list[Held] = field(default_factory=list)  # with other weights of able-bodied walking
